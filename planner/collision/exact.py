@@ -27,10 +27,11 @@ from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.collision.pieces import Pieces
 from hdplan.planner.geometry.shape_table import Swept, operations
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.shapes import Shape
+from hdplan.scenes.shapes import Box, Shape
 
 LANES = 8  # numbers in the widest vector of a processor
 CLUSTER = 32  # vertices that are near each other: of a large hull, few clusters have to be examined
@@ -41,9 +42,12 @@ CLUSTERED_VERTICES = 256  # vertices of a hull from which on clusters pay
 class ExactPairs(PairDistance):
     """D of the pairs' solids, less the margin."""
 
-    def __init__(self, pairs: BodyPairs, parts: Sequence[LinkBody], solids: Sequence[HalfspaceBody]) -> None:
-        """Take pairs of outer bodies, and for the rows that they index, what the bodies enclose."""
-        self.pairs, self.parts, self.solids = pairs, parts, solids
+    def __init__(
+        self, pairs: BodyPairs, parts: Sequence[LinkBody], solids: Sequence[HalfspaceBody], far: float = 0.0
+    ) -> None:
+        """Take pairs of outer bodies, and for the rows that they index, what the bodies enclose. far: up to where D is
+        exact [m]."""
+        self.pairs, self.parts, self.solids, self.far = pairs, parts, solids, far
 
     @property
     def how(self) -> str:
@@ -52,22 +56,30 @@ class ExactPairs(PairDistance):
 
     def enlarged(self, by: float) -> ExactPairs:
         """The same with a margin that is larger [m]."""
-        return ExactPairs(self.pairs.enlarged(by), self.parts, self.solids)
+        return ExactPairs(self.pairs.enlarged(by), self.parts, self.solids, self.far)
 
     @cached_property
     def record(self) -> Record:
-        """The C struct `solids`."""
-        second = ((solid.solid, solid.placement) for solid in self.solids)
-        shapes, places = zip(*((part.body, np.eye(4)) for part in self.parts), *second, strict=True)
-        swept = [_swept(shape) for shape in shapes]
+        """The C struct `solids`. All boxes of a cloud come at once, after the others."""
+        pieces = Pieces.of(self.solids)
+        given = [*(part.body for part in self.parts), *pieces.shapes]
+        places = np.concatenate([np.tile(np.eye(4), (len(self.parts), 1, 1)), pieces.placements])
+        swept = [BOX if shape is None else _swept(shape) for shape in given]
         held = [_held(each.vertices.tobytes()) for each in swept]
-        first = np.cumsum([0, *(len(each.rows) for each in held)])[:-1]
+        boxes = np.array([shape is None for shape in given], dtype=np.bool_)
+        counts = np.array([len(each.rows) for each in held], dtype=np.int64)
+        order = np.argsort(boxes, kind="stable")
+        first = np.empty_like(counts)
+        first[order] = np.cumsum(counts[order]) - counts[order]
+        half = pieces.half_sizes[boxes[len(self.parts) :]]
+        corners = (BOX.vertices * half[:, None]).transpose(0, 2, 1)
         return Record(
             *("solids", len(self.parts), first),
             *(np.array([each.width for each in held]), np.array([each.clusters for each in held])),
-            *(np.concatenate([each.rows for each in held]), np.array([each.disc for each in swept])),
-            *(np.array([each.radii for each in swept]), np.array([each.ball for each in swept])),
-            *(np.array([np.append(place[:3, :3].ravel(), place[:3, 3]) for place in places]), self.pairs.margins),
+            np.concatenate([*(each.rows for each, box in zip(held, boxes, strict=True) if not box), corners.ravel()]),
+            *(np.array([each.disc for each in swept]), np.array([each.radii for each in swept])),
+            np.array([each.ball for each in swept]),
+            *(np.hstack([places[:, :3, :3].reshape(-1, 9), places[:, :3, 3]]), self.pairs.margins),
         )
 
     @cached_property
@@ -82,13 +94,20 @@ class ExactPairs(PairDistance):
         return FclPairs(self.pairs, parts, solids)
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
-        """Return D (S,) [m], its wrench (S, 6) and D again, for S pairs at samples; some number above 0 where D is."""
+        """Return D (S,) [m], its wrench (S, 6) and D again, for S pairs at samples; beyond `far` some number above it."""
+        return self.up_to(self.far, kinematics, sample, pair)
+
+    def up_to(
+        self, far: float, kinematics: KinematicsBatch, sample: Rows, pair: Rows
+    ) -> tuple[Array, Array, Array]:
+        """Return the same up to another distance [m]: the smaller, the sooner the search for it ends."""
         loops = library()
         if loops is None:
             return self._twin(kinematics, sample, pair)
         distance, wrench = np.empty(len(pair)), np.empty((len(pair), 6))
         rows = (np.ascontiguousarray(each, np.int64) for each in (sample, pair))
-        loops.exact_rows(self.record.struct, self.pairs.tables.struct, kinematics.placements, *rows, distance, wrench)
+        given = self.record.struct, self.pairs.tables.struct, kinematics.placements, *rows
+        loops.exact_rows(*given, far, distance, wrench)
         return distance, wrench, distance
 
 
@@ -145,6 +164,9 @@ def _swept(shape: Shape | ConvexBody) -> Swept:
     if outline is None:
         raise TypeError(f"a {type(shape).__name__} has to be split into convex pieces first")
     return outline.swept(shape)
+
+
+BOX = _swept(Box((2.0, 2.0, 2.0)))  # half sizes are 1
 
 
 def as_solids(planes: Sequence[HalfspaceBody], parts: Sequence[LinkBody]) -> tuple[HalfspaceBody, ...]:

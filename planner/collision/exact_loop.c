@@ -59,12 +59,13 @@ double gap_along(const solids* of, const tables* pairs, long long pair, const do
   return -reach_of(of, pairs->body[pair], first, back) - reach_of(of, of->bodies + pairs->box[pair], second, b);
 }
 
-double exact(const solids* of, const tables* pairs, long long pair, const double* frames, double* normal, double* wrench) {
+double exact(const solids* of, const tables* pairs, long long pair, const double* frames, double far, double* normal,
+             double* wrench) {
   const double margin = of->margins[pairs->box[pair]];
   double point[3], world[3];
   placed_solids at;
   place_solids(of, pairs, pair, frames, &at);
-  const double distance = signed_distance(&(two_solids){&at.first, &at.second, at.seen}, margin, normal, point);
+  const double distance = signed_distance(&(two_solids){&at.first, &at.second, at.seen}, margin + far, normal, point);
   turned(at.at_b, normal, wrench);
   placed(at.at_b, point, world);
   cross(world, wrench, wrench + 3);
@@ -73,11 +74,11 @@ double exact(const solids* of, const tables* pairs, long long pair, const double
 
 /* Rows (sample, pair), `count` of them, of placements (batch, joints, 12): D (count) and wrench (count, 6). */
 static void exact_rows(const solids* of, const tables* pairs, long long joints, long long count, const double* placements,
-                       const long long* sample, const long long* pair, double* distance, double* wrench) {
+                       const long long* sample, const long long* pair, double far, double* distance, double* wrench) {
   for (long long row = 0; row < count; ++row) {
     const double* frames = placements + 12 * sample[row] * joints;
     double normal[3] = {0.0, 0.0, 1.0};
-    distance[row] = exact(of, pairs, pair[row], frames, normal, wrench + 6 * row);
+    distance[row] = exact(of, pairs, pair[row], frames, far, normal, wrench + 6 * row);
   }
 }
 
@@ -119,10 +120,11 @@ WRAPPER(call_exact_rows) {
   const long long* sample = indices(&taken, "samples", 0, batch, SHAPE(ANY));
   const long long rows = taken.shape[0];
   const long long* pair = indices(&taken, "pairs", 0, pairs ? pairs->pairs : 0, SHAPE(rows));
+  const double far = number(&taken, "far");
   double* distance = written(&taken, "distance", SHAPE(rows));
   double* wrench = written(&taken, "wrench", SHAPE(rows, 6));
   if (ready(&taken))
-    WITHOUT_LOCK(exact_rows(of, pairs, joints, rows, placements, sample, pair, distance, wrench));
+    WITHOUT_LOCK(exact_rows(of, pairs, joints, rows, placements, sample, pair, far, distance, wrench));
   return ended(&taken, none());
 }
 

@@ -14,10 +14,11 @@ typedef struct {
   const double *rows, *discs, *radii, *balls, *places, *margins;
 } solids;
 
-/* The signed distance of a pair at placements of the joints, less the margin: exact, or some number more than 0 where it
-   is that; its wrench about the world's origin goes to `wrench`. `normal` (3) is a unit vector that says where to look
+/* The signed distance of a pair at placements of the joints, less the margin: exact, or a lower bound of it that is more
+   than `far`; its wrench about the world's origin goes to `wrench`. `normal` (3) is a unit vector that says where to look
    first, and then the normal in the second solid's frame. */
-double exact(const solids* of, const tables* pairs, long long pair, const double* frames, double* normal, double* wrench);
+double exact(const solids* of, const tables* pairs, long long pair, const double* frames, double far, double* normal,
+             double* wrench);
 
 /* The distance alone, margins not taken off, if it is more than 0, or a lower bound of it that is more than `far`, or an
    upper bound that is at most `near`; some number below 0 where the two overlap. */

@@ -1,9 +1,7 @@
-"""The barriers of a controller: the distance Δ of every pair of bodies at one configuration, with exact derivatives.
+"""The barriers of a controller: the pairs of bodies whose distance Δ it keeps, with exact derivatives.
 
 In: outer link bodies, static and moving obstacles, the distance and the growth. Out, at (q, t): Δ (P,) [m], ∂Δ/∂q
-(P, n) and ∂Δ/∂t (P,) [m/s]. The derivative by q is the distance's wrench on the first body times the geometric
-Jacobian; Δ depends on the relative pose only, so the second body's wrench is the opposite one, and a moving obstacle of
-world twist (v, ω) gives ∂Δ/∂t = −(F·v + T·ω).
+(P, n) and ∂Δ/∂t (P,) [m/s] (`moment`).
 
 A moving obstacle is one more frame after the joints', so that every `PairDistance` treats it like a link.
 """
@@ -11,9 +9,8 @@ A moving obstacle is one more frame after the joints', so that every `PairDistan
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,9 +22,10 @@ from hdplan.planner.collision.pieces import Pieces
 from hdplan.planner.collision.reach import Reach, levers, reach_of
 from hdplan.planner.control.barrier_safety import guaranteed_clearance, least_distance
 from hdplan.planner.control.barrier_settings import BarrierSettings
+from hdplan.planner.control.moment import BarrierRows, Layout, Moment
 from hdplan.planner.control.movers import Movers
 from hdplan.planner.control.pair_level import PairGroup, PairLevel
-from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
+from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
@@ -42,16 +40,6 @@ from hdplan.scenes.values import instance
 PROVEN = ("hdsdf", "euclidean")  # those of which the broad phase misses no pair
 BEYOND = 0.05  # [m] from everything that stands is a link that is in no pair with it, whatever the robot does
 WIDER = 2.0  # times as far: more than the corners of a box stand out that is enlarged along its axes
-
-
-@dataclass(frozen=True, eq=False)
-class BarrierRows:
-    """Δ and its derivatives at one configuration and time, P pairs."""
-
-    value: Array  # (P,) [m]
-    gradient: Array  # (P, n) by the configuration
-    drift: Array  # (P,) by time alone [m/s]
-    separation: Array  # (P,) a lower bound of the true distance less the growth [m]; for the GDF no bound
 
 
 class Barriers:
@@ -88,16 +76,24 @@ class Barriers:
         outer = _can_meet(robot, bodies, others, len(standing), grown)
         supports = np.vstack([kinematics.supports, np.zeros((len(movers), kinematics.n), dtype=np.bool_)])
         own = _own_pairs(kinematics, tuple(bodies), tuple(self_pairs), self.hulls, settings)
-        self._levels = [own] if own else []  # pairs of obstacles, and of links
+        levels = [own] if own else []  # pairs of obstacles, and of links
         if len(outer):
-            self._levels.insert(0, PairLevel(bodies, others, outer, grown, supports, self.hulls, others, settings))
+            levels.insert(0, PairLevel(bodies, others, outer, grown, supports, self.hulls, others, settings))
         self._names = (bodies, others.names, outer, self_pairs)
         self.count = len(outer) + len(self_pairs)  # P
         self.obstacle_pairs = len(outer)  # which come first among the P
         self.coming = np.zeros(self.count, dtype=np.bool_)  # (P,) whether it is a pair with a moving obstacle
         self.coming[: len(outer)] = outer[:, 1] >= len(standing)
         stands = (np.arange(self.count) < len(outer)) & ~self.coming
-        self.standing = stands & (settings.distance in PROVEN)  # (P,) of which `within` is proven
+        proven = settings.distance in PROVEN
+        self.standing = stands & proven  # (P,) of which `Moment.within` is proven
+        first = np.cumsum([0, *(len(level.pairs) for level in levels)]).tolist()
+        self._layout = Layout(
+            *(robot, kinematics.nj, tuple(zip(first, levels, strict=False))),
+            np.concatenate([np.empty((0, kinematics.n)), *(level.pairs.moves for level in levels)]),
+            np.concatenate([np.empty(0, np.int64), *(level.pairs.joint_b for level in levels)]),
+            *(len(outer), self.standing, proven, bool(self.hulls)),
+        )
         self._directions = others.directions
         self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # most vertices of a link's body
         every = levers(robot.unfolded, tuple((body.joint, body.body) for body in bodies))
@@ -121,7 +117,7 @@ class Barriers:
     @property
     def groups(self) -> list[PairGroup]:
         """The pairs with obstacles, if there are any, and those of links."""
-        return [level.outer for level in self._levels]
+        return [level.outer for _, level in self._layout.levels]
 
     def clearance(self, margin: float) -> float | None:
         """Return the true clearance [m] to obstacles that Δ ≥ margin [m] proves at that instant, with the planes
@@ -135,98 +131,18 @@ class Barriers:
             found = min(proven, default=found)
         return min(found, b.growth + BEYOND)  # of links in no pair no more is known
 
-    def within(self, path: Array, times: Array, horizon: float) -> Rows:
-        """Return the pairs, ascending, that may have a D̃ below the horizon [m] at one of the configurations (k, n) and
-        times (k,) [s]: not those of `standing` obstacles that are proven to have none."""
-        if not self.standing.any() or not np.isfinite(horizon):
-            return np.arange(self.count)
-        found = ~self.standing
-        found[self._levels[0].near(horizon).close(self._at(path, times).kinematics)[1]] = True
-        return np.flatnonzero(found)
+    def evaluate(self, q: Array, time: float = 0.0) -> BarrierRows:
+        """Return Δ and its derivatives of all pairs at configuration q (n,) and a time [s]."""
+        return self.at(q[None], np.array([time])).rows(np.zeros(self.count, np.int64), np.arange(self.count))
 
-    def doubtful(self, path: Array, times: Array, needed: Sequence[float]) -> tuple[Rows, Rows]:
-        """Return configurations and pairs (S,) that may have a D̃ below `needed` [m] (of pairs with obstacles, of pairs
-        of links), at configurations (k, n) and times (k,) [s]; every other one is proven to have none."""
-        if self.settings.distance not in PROVEN:
-            every = np.indices((len(path), self.count)).reshape(2, -1)
-            return every[0], every[1]
-        kinematics, first, found = self._at(path, times).kinematics, 0, [(np.empty(0, np.int64),) * 2]
-        for level in self._levels:
-            sample, pair = level.near(needed[0 if first < self.obstacle_pairs else 1]).close(kinematics)
-            found.append((sample, pair + first))
-            first += len(level.pairs)
-        sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        return sample, pair
-
-    def evaluate(self, q: Array, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
-        """Return Δ and its derivatives at configuration q (n,) and a time [s], of `chosen` pairs, or of all."""
-        chosen = np.arange(self.count) if chosen is None else chosen
-        return self.along(q[None], np.array([time]), np.zeros(len(chosen), dtype=np.int64), chosen)
-
-    def along(self, path: Array, times: Array, sample: Rows, pair: Rows) -> BarrierRows:
-        """Return the same at configurations `sample` (S,) of the path (k, n) and times (k,) [s], of pairs (S,)."""
-        every = [(group, np.arange(len(group.pairs))) for group in self.groups]
-        return self._evaluated(path, times, every, sample, pair)
-
-    def nearness(self, path: Array, times: Array, sample: Rows, pair: Rows) -> BarrierRows:
-        """Return the exact distance of the links' hulls in pairs (S,), without growth, with its derivatives, as
-        `along`; nothing if no hulls were given."""
-        if not len(pair) or not self.hulls:
-            return self._empty(0)
-        return self._evaluated(path, times, [level.exact for level in self._levels], sample, pair)
-
-    def _evaluated(
-        self, path: Array, times: Array, groups: Sequence[tuple[PairGroup, Rows]], sample: Rows, pair: Rows
-    ) -> BarrierRows:
-        """Evaluate pairs, numbered through all groups; each group comes with its rows for its pairs."""
-        result, first = self._empty(len(pair)), 0
-        if not len(pair):
-            return result
-        scene = self._at(path, times)
-        for group, rows in groups:
-            own = np.flatnonzero((pair >= first) & (pair < first + len(rows)))
-            if len(own):
-                found = scene.rows(group, sample[own], rows[pair[own] - first])
-                result.value[own], result.drift[own], result.separation[own] = (
-                    found.value,
-                    found.drift,
-                    found.separation,
-                )
-                result.gradient[own] = self.robot.fold(found.gradient)
-            first += len(rows)
-        return result
-
-    def _empty(self, count: int) -> BarrierRows:
-        return BarrierRows(np.empty(count), np.empty((count, self.robot.n)), np.empty(count), np.empty(count))
-
-    def _at(self, path: Array, times: Array) -> _Moment:
+    def at(self, path: Array, times: Array) -> Moment:
+        """Return the pairs at configurations (k, n) and times (k,) [s]."""
         kinematics = self.kinematics.evaluate(self.robot.expand(path))
         if not len(self.movers):
-            return _Moment(kinematics, self.kinematics.nj, None)
+            return Moment(self._layout, kinematics, None)
         placed, twists = self.movers.at(times)
         placements = np.concatenate([kinematics.placements, placed], axis=1)
-        return _Moment(replace(kinematics, placements=placements), self.kinematics.nj, twists)
-
-
-class _Moment(NamedTuple):
-    """Robot and obstacles at k configurations and times."""
-
-    kinematics: KinematicsBatch  # with the frames of the moving obstacles after the joints'
-    joints: int  # number of the robot's joints, including the world
-    twists: Array | None  # (k, m, 6) of the moving obstacles, if there are any
-
-    def rows(self, group: PairGroup, sample: Rows, pair: Rows) -> BarrierRows:
-        """Evaluate some pairs of a group at some of the configurations."""
-        pairs, distance = group
-        value, wrench, separation = distance(self.kinematics, sample, pair)
-        drift = np.zeros(len(pair))
-        if self.twists is not None:
-            carried = np.flatnonzero(pairs.joint_b[pair] >= self.joints)
-            twists = self.twists[sample[carried], pairs.joint_b[pair[carried]] - self.joints]
-            drift[carried] = -np.einsum("si,si->s", wrench[carried], twists)
-        columns = self.kinematics.columns
-        turned = wrench @ columns[0].T if len(columns) == 1 else np.einsum("sni,si->sn", columns[sample], wrench)
-        return BarrierRows(value, turned * pairs.moves[pair], drift, separation)
+        return Moment(self._layout, replace(kinematics, placements=placements), twists)
 
 
 def _can_meet(robot: Robot, bodies: Sequence[LinkBody], others: Pieces, standing: int, margins: Array) -> Rows:

@@ -19,14 +19,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import ModuleType
 
 import numpy as np
 
+from hdplan.distance.compiled.loops import library
 from hdplan.scenes.array_types import Array
 
 REST = 1e-12  # [rad/s or m/s] that a joint at rest may still move, by rounding
 USED_SHARE = 1.0 - 1e-6  # share of each limit that is used, so that rounding exceeds none
 ROUNDED = {2: 32.0, 3: 128.0}  # times ulp/Tᵏ of the positions: what their rounding adds to accelerations and jerks
+FIRST_PERIODS = 64  # for which there is room at first
 JERK_TIME = 0.1  # share of the time in which the greatest velocity is reached, for the greatest acceleration
 
 
@@ -82,6 +85,15 @@ class Rates:
     def window(self, last: Command) -> tuple[Array, Array]:
         """Return the least and greatest velocity (n,) of the next period from which velocity, acceleration and jerk can
         be kept for ever. From a state beyond them: acceleration before jerk, both before velocity."""
+        if loops := library():
+            sides = np.empty((2, len(self.velocity)))
+            given = self.acceleration, self.jerk, last.velocity, last.acceleration, self.velocity
+            loops.braking_window(self.period, *given, sides)
+            return sides[0], sides[1]
+        return self._window(last)
+
+    def _window(self, last: Command) -> tuple[Array, Array]:
+        """Return the same in NumPy."""
         most, step, period = self.acceleration, self.step, self.period
         low, high = (np.clip(last.acceleration + side * step, -most, most) for side in (-1.0, 1.0))
         up, down = (_root((self.velocity - side * last.velocity) / (period * step)) * step for side in (1.0, -1.0))
@@ -101,6 +113,22 @@ class Rates:
     def braked(self, velocity: Array, acceleration: Array) -> Array:
         """Return the velocities (K, ..., n) of the K periods in which joints of these velocities and accelerations
         (..., n) come to rest."""
+        loops = library()
+        return self._braked(velocity, acceleration) if loops is None else self._braked_by(loops, velocity, acceleration)
+
+    def _braked_by(self, loops: ModuleType, velocity: Array, acceleration: Array) -> Array:
+        """Return the same by the loop in C."""
+        states = velocity.reshape(-1, velocity.shape[-1]), acceleration.reshape(-1, velocity.shape[-1])
+        room = FIRST_PERIODS
+        while True:
+            found = np.empty((room, *states[0].shape))
+            count = loops.braked(self.period, self.acceleration, self.jerk, *states, found)
+            if count <= room:
+                return found[:count].reshape(count, *velocity.shape)
+            room = count
+
+    def _braked(self, velocity: Array, acceleration: Array) -> Array:
+        """Return the same in NumPy."""
         most, step, period = self.acceleration, self.step, self.period
         rest = velocity + np.sign(acceleration) * self._coming(acceleration)  # once the acceleration is zero
         side = np.where(rest < 0.0, -1.0, 1.0)

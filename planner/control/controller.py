@@ -47,9 +47,10 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.planner.control.barriers import BarrierRows, Barriers, setup_barriers
+from hdplan.planner.control.barriers import Barriers, setup_barriers
 from hdplan.planner.control.braking import Command, Rates
 from hdplan.planner.control.look_ahead import LookAhead, Mode
+from hdplan.planner.control.moment import BarrierRows
 from hdplan.planner.control.program_rows import joint_constraints, pair_constraints
 from hdplan.planner.control.quadratic_program import SoftConstraints, best_velocity
 from hdplan.planner.control.settings import ControlSettings

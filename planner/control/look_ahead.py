@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hdplan.planner.control.lows import Floors, Lows, lows_near, lows_of_hulls
 from hdplan.planner.control.program_rows import COMING
 from hdplan.planner.control.quadratic_program import SoftConstraints, best_velocity
 from hdplan.planner.control.sight import Seen, Sight
@@ -57,12 +58,11 @@ class LookAhead(NamedTuple):
         base, box, asked = self.window.brake[0], self.window.box, constraints
         best: tuple[float, Array] | None = None
         for check in range(CHECKS + 1):
-            over, gradient, coming = self._lowest(velocity)
-            fallen = over < -ROUNDING
+            over, gradient, coming = self._fallen(velocity)
             braking = check == CHECKS
-            if not fallen.any():
+            if not len(over):
                 return velocity, Mode.STOPPED if braking else Mode.CORRECTED if check else Mode.MOVING, True
-            yielding = not (fallen & ~coming).any()  # only what moves comes too close: braking is no better
+            yielding = coming.all()  # only what moves comes too close: braking is no better
             if yielding and (best is None or over.min() > best[0]):
                 best = float(over.min()), velocity
             if braking or (yielding and check == CHECKS - 3):
@@ -70,41 +70,29 @@ class LookAhead(NamedTuple):
             if check == CHECKS - 1:
                 velocity = base
                 continue
-            gradient, coming = gradient[fallen], coming[fallen]
             if check == CHECKS - 2:  # a crest, from where every way leads down: hold the joints that move these pairs
                 moving = (gradient != 0.0).any(axis=0)
                 box, constraints = (np.where(moving, base, box[0]), np.where(moving, base, box[1])), asked
-            target = gradient @ velocity + (SPARE - over[fallen]) / self.window.rates.period
+            target = gradient @ velocity + (SPARE - over) / self.window.rates.period
             floor = np.where(coming, -np.inf, np.minimum(target, gradient @ base))
             constraints = constraints.with_rows(SoftConstraints(gradient, target, floor, np.full(len(target), COMING)))
             corrected = best_velocity(hessian, linear, *box, constraints)
             velocity = base if corrected is None else corrected
         return (base, Mode.STOPPED, False) if best is None else (best[1], Mode.CORRECTED, False)
 
-    def _lowest(self, velocity: Array) -> tuple[Array, Array, Mask]:
-        """Return of each pair that may fall (m,): by how much it is above its floor where it is lowest on the way [m],
-        its derivative by the command there, by T (m, n), and whether it is a pair with a moving obstacle."""
-        barriers, period = self.sight.barriers, self.window.rates.period
-        floors, inside, near = self.seen.floors, self.seen.inside, self.seen.near
-        path = self.window.way(velocity)
-        times = self.time + period * np.arange(1, len(path) + 1, dtype=np.float64)
-        sample, pair = barriers.doubtful(path, times, self.sight.needed)
-        # what comes may reach a robot at rest, too: so only the next place
-        soon = (sample == 0) | ~barriers.coming[pair]
-        sample, pair = sample[soon], pair[soon]
-        found = self.sight.straight(barriers.along(path, times, sample, pair), pair, inside)
-        close, row = (
-            each.ravel() for each in np.meshgrid(np.flatnonzero(self.sight.closely(path)), np.arange(len(near)))
-        )
-        soon = (close == 0) | ~barriers.coming[inside[row]]
-        close, row = close[soon], row[soon]
-        exact = barriers.nearness(path, times, close, inside[row])
-        over = np.concatenate([found.value - floors[pair], exact.value - near[row]])
-        gradient = np.concatenate([found.gradient, exact.gradient])
-        sample = np.concatenate([sample, close])
-        key = np.concatenate([pair, len(floors) + row])
-        order = np.lexsort((over, key))
-        lowest = order[np.flatnonzero(np.diff(key[order], prepend=-1))]
-        gains = self.window.gains[np.minimum(sample[lowest], len(self.window.gains) - 1)]
-        pairs = np.concatenate([pair, inside[row]])[lowest]
-        return over[lowest], gradient[lowest] * gains, barriers.coming[pairs]
+    def _fallen(self, velocity: Array) -> tuple[Array, Array, Mask]:
+        """Return of each pair that falls below its floor (m,): by how much it is above it where it is lowest on the way
+        [m], its derivative by the command there, by T (m, n), and whether it is a pair with a moving obstacle."""
+        sight, seen, window = self.sight, self.seen, self.window
+        path = window.way(velocity)
+        times = self.time + window.rates.period * np.arange(1, len(path) + 1, dtype=np.float64)
+        moment = sight.barriers.at(path, times)
+        # what comes may reach a robot at rest, too: so of that only the next place
+        floors = Floors(seen.floors, sight.next, seen.inside, -ROUNDING)
+        found = [lows_near(moment, sight.needed, sight.shaping, floors)]
+        if len(seen.inside):
+            floors = floors._replace(values=seen.near)
+            found.append(lows_of_hulls(moment, sight.closely(path), seen.inside, floors))
+        low = Lows(*map(np.concatenate, zip(*found, strict=True)))
+        gains = window.gains[np.minimum(low.sample, len(window.gains) - 1)]
+        return low.over, low.gradient * gains, sight.barriers.coming[low.pair]

@@ -8,15 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hdplan.distance.compiled.loops import Record
 from hdplan.planner.collision.box_pairs import BoxPairs, GdfPairs
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
-from hdplan.planner.collision.euclidean import FclPairs
+from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.collision.pieces import Pieces
 from hdplan.planner.control.barrier_settings import BarrierSettings
+from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Mask, Rows
 
 
@@ -25,6 +27,14 @@ class PairGroup(NamedTuple):
 
     pairs: BodyPairs
     distance: PairDistance
+
+
+class Hulls(NamedTuple):
+    """The exact pairs of the links' hulls behind P pairs."""
+
+    distance: ExactPairs
+    row: Rows  # (P,) the row there of each pair
+    barrier: Record | None
 
 
 class PairLevel:
@@ -57,9 +67,13 @@ class PairLevel:
         return self._enlarged[by]
 
     @cached_property
-    def exact(self) -> tuple[PairGroup, Rows]:
-        """The exact pairs of the hulls, laid out when a pair is first inside its margin, and the row there of each pair
-        (P,)."""
+    def barrier(self) -> Record | None:
+        """For the loops in C: their struct of that name; None of a distance that they do not know."""
+        return _barrier(self.outer.distance)
+
+    @cached_property
+    def hulls(self) -> Hulls:
+        """The exact pairs of the hulls, laid out when a pair is first inside its margin."""
         row_of = {hull.link: row for row, hull in enumerate(self._hulls)}
         hull_of = np.array([row_of[link] for link in self._links])
         first, second = hull_of[self._chosen[:, 0]], self._chosen[:, 1]
@@ -67,7 +81,21 @@ class PairLevel:
         unique, row = np.unique(first * len(self._solids) + second, return_inverse=True)
         chosen = np.column_stack(np.divmod(unique, len(self._solids)))
         pairs = body_pairs(self._hulls, self._solids, chosen, 0.0, self._supports)
-        return PairGroup(pairs, FclPairs(pairs, self._hulls, self._solids)), row
+        distance = ExactPairs(pairs, self._hulls, self._solids)
+        return Hulls(distance, row, _barrier(distance))
+
+    def nearness(self, far: float, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
+        """Return the exact distance of the hulls, as a `PairDistance`; beyond `far` [m] some number above it."""
+        return self.hulls.distance.up_to(far, kinematics, sample, self.hulls.row[pair])
+
+
+def _barrier(distance: PairDistance) -> Record | None:
+    match distance:
+        case HdsdfPairs():
+            return Record("barrier", distance.pairs.tables, None, distance.gamma, distance.shaping_length)
+        case ExactPairs():
+            return Record("barrier", distance.pairs.tables, distance.record, 1, 1.0)
+    return None
 
 
 def _distance(
@@ -82,7 +110,7 @@ def _distance(
         case "hdsdf-boxes":
             return BoxPairs(pairs, bodies, others, settings.gamma, settings.shaping_length, settings.normals)
         case "euclidean":
-            return FclPairs(pairs, bodies, others)
+            return ExactPairs(pairs, bodies, others, far=np.inf)
         case "gdf":
             return GdfPairs(pairs, bodies, others)
     raise ValueError(f"no distance is known as {settings.distance!r}")

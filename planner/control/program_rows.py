@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdplan.planner.control.barriers import BarrierRows
+from hdplan.planner.control.moment import BarrierRows
 from hdplan.planner.control.quadratic_program import SoftConstraints
 from hdplan.scenes.array_types import Array, Mask, Rows
 

@@ -8,17 +8,18 @@ spot, and the exact distances of the links' hulls are seen, too.
 from __future__ import annotations
 
 import functools
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from hdplan.planner.control.barrier_safety import straightened, sufficient_separation
-from hdplan.planner.control.barriers import BarrierRows, Barriers
+from hdplan.planner.control.barriers import Barriers
+from hdplan.planner.control.lows import Floors, Shaping, lows_among, lows_of_hulls
+from hdplan.planner.control.moment import NONE, BarrierRows
 from hdplan.planner.control.program_rows import NEAR_DISTANCE, Asked
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.window import Window
-from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
 
 CLOSELY = 5e-3  # [m] of travel between exact distances on the way to rest
@@ -32,8 +33,8 @@ class Seen(NamedTuple):
     here: BarrierRows  # of these at q, as they are
     asked: tuple[Asked, ...]  # what the program asks: at rest, near ones exactly, and of what moves also at q
     floors: Array  # (P,) [m] of Δ, on the way to rest of any command
+    near: Array  # (P,) [m] of the exact distance
     inside: Rows  # pairs inside their margins
-    near: Array  # their floors of the exact distance [m]; empty if it is not known
 
 
 class Sight:
@@ -45,10 +46,12 @@ class Sight:
         self.horizon = np.inf if settings.as_published else settings.horizon
         self._yielding = min(settings.rate, settings.yielding)
         b, each = settings.barriers, (settings.margin, settings.self_margin)
+        shaped = b.distance.startswith("hdsdf")
         outer = np.arange(barriers.count) < barriers.obstacle_pairs
         self.margins = np.where(outer, *each)  # δ [m]
         bent, sure = _of_margins(each, b.gamma, b.shaping_length, barriers.corners)
-        self._bent = np.where(outer, *bent)  # δ − u(δ) [m]
+        self.shaping = Shaping(b.gamma, b.shaping_length, np.where(outer, *bent)) if shaped else None
+        self.next = barriers.coming.astype(np.int64)  # (P,) 1 for pairs of which only the next place counts
         self.needed = sure  # D̃ [m] above which Δ ≥ δ is certain, for obstacles and for links
         if barriers.standing.any() and not self.horizon > sure[0]:
             raise InputError(
@@ -61,77 +64,58 @@ class Sight:
         barriers, rate = self.barriers, self.settings.rate
         path = window.stopping[[0, -1]] if len(window.stopping) > 1 else window.stopping
         times = time + self.settings.period * np.linspace(0.0, len(window.stopping) - 1, len(path))
-        pairs = barriers.within(path, times, self.horizon)
-        sample, last = np.repeat(np.arange(len(path)), len(pairs)), len(path) - 1
-        found = barriers.along(path, times, sample, np.tile(pairs, len(path)))
-        here, rest = (_part(found, sample == row) for row in (0, last))
-        inside = np.empty(0, dtype=np.int64)
+        moment, last = barriers.at(path, times), len(path) - 1
+        pairs = moment.within(self.horizon)
+        found = moment.rows(np.repeat(np.arange(len(path)), len(pairs)), np.tile(pairs, len(path)))
+        here, rest = found.part(slice(0, len(pairs))), found.part(slice(last * len(pairs), None))
+        inside = NONE
         if self.settings.look_ahead:
             inside = pairs[np.minimum(here.value, rest.value) < self.margins[pairs]]
-        straight = [self.straight(rows, pairs, inside) for row, rows in ((0, here), (last, rest))]
-        near = barriers.nearness(path, times, np.full(len(inside), last), inside)
-        floors = self.margins.copy()
-        floors[inside], lowest = self._lowest(window, time, inside)
+        near = moment.nearness(np.full(len(inside), last), inside)
         known = inside[: len(near.value)]
+        straight = self._straight(rest, pairs, inside)
         asked = [
-            Asked(pairs, straight[1], straight[1].value - self.margins[pairs], self._rates(rest, pairs)),
+            Asked(pairs, straight, straight.value - self.margins[pairs], self._rates(rest, pairs)),
             Asked(known, near, np.maximum(near.value - NEAR_DISTANCE, 0.0), np.full(len(known), rate)),
         ]
         coming = np.flatnonzero(barriers.coming[pairs])
         if last and len(coming):
-            rows, of = _part(straight[0], coming), pairs[coming]
+            of = pairs[coming]
+            rows = self._straight(here.part(coming), of, inside)
             asked.append(Asked(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding)))
-        return Seen(pairs, here, tuple(asked), floors, known, np.minimum(lowest, NEAR_DISTANCE))
+        return Seen(pairs, here, tuple(asked), *self._floors(window, time, inside), inside)
 
-    def _lowest(self, window: Window, time: float, inside: Rows) -> tuple[Array, Array]:
-        """Return the least Δ of pairs that are inside their margins, at most δ, and their least exact distance [m], on
-        the way to rest if the robot brakes."""
-        path, barriers = window.stopping, self.barriers
-        times = time + self.settings.period * np.arange(len(path), dtype=np.float64)
-        sample, pair = (each.ravel() for each in np.meshgrid(np.arange(len(path)), inside, indexing="ij"))
-        found = self.straight(barriers.along(path, times, sample, pair), pair, inside).value
-        close = np.flatnonzero(self.closely(path))
-        sample, pair = (each.ravel() for each in np.meshgrid(close, inside, indexing="ij"))
-        near = barriers.nearness(path, times, sample, pair).value
-        least = np.minimum(found.reshape(len(path), -1).min(axis=0), self.margins[inside])
-        return least, near.reshape(len(close), -1).min(axis=0)
+    def _floors(self, window: Window, time: float, inside: Rows) -> tuple[Array, Array]:
+        """Return the floors of Δ and of the exact distances (P,) [m]: of pairs that are inside their margins the least
+        on the way to rest if the robot brakes, at most δ and NEAR_DISTANCE."""
+        floors, nearest = self.margins.copy(), np.full(self.barriers.count, NEAR_DISTANCE)
+        if not len(inside):
+            return floors, nearest
+        path, every = window.stopping, np.zeros(self.barriers.count, np.int64)
+        moment = self.barriers.at(path, time + self.settings.period * np.arange(len(path), dtype=np.float64))
+        low = lows_among(moment, np.arange(len(path)), inside, self.shaping, Floors(floors, every, inside, 0.0))
+        near = lows_of_hulls(moment, self.closely(path), inside, Floors(nearest, every, inside, 0.0))
+        floors[low.pair] += low.over
+        nearest[near.pair] += near.over
+        return floors, nearest
 
-    def closely(self, path: Array) -> Mask:
-        """Return at which samples of a path (k, n) exact distances are computed: the first, the last, and whenever the
-        robot has moved on by CLOSELY."""
-        travel = np.abs(np.diff(path, axis=0)) @ self.barriers.levers
+    def closely(self, path: Array) -> Rows:
+        """Return the samples of a path (k, n) at which exact distances are computed: the first, the last, and whenever
+        the robot has moved on by CLOSELY."""
+        travel = np.abs(path[1:] - path[:-1]) @ self.barriers.levers
         marks = np.floor(np.concatenate([[0.0], travel.cumsum()]) / CLOSELY)
-        chosen = np.diff(marks, prepend=-1.0) > 0.0
+        chosen = np.append(True, marks[1:] > marks[:-1])
         chosen[-1] = True
-        return np.asarray(chosen)
+        return np.flatnonzero(chosen)
 
-    def straight(self, rows: BarrierRows, pairs: Rows, inside: Rows) -> BarrierRows:
-        """Return the rows of `pairs` with Δ of those inside their margins as u(Δ) − u(δ) + δ, where u is the separation
-        before shaping: it grows with Δ and is δ where Δ is, but also has a slope on the flat spot."""
-        b = self.settings.barriers
-        if not b.distance.startswith("hdsdf") or not len(inside):
-            return rows
-        found = np.flatnonzero(np.isin(pairs, inside))
-        if not len(found):
-            return rows
-        separation, slope = straightened(rows.value[found], b.gamma, b.shaping_length)
-        steep = np.divide(1.0, slope, out=np.zeros_like(slope), where=slope > 0.0)
-        value, gradient, drift = rows.value.copy(), rows.gradient.copy(), rows.drift.copy()
-        value[found] = separation + self._bent[pairs[found]]
-        gradient[found] *= steep[:, None]
-        drift[found] *= steep
-        return replace(rows, value=value, gradient=gradient, drift=drift)
+    def _straight(self, rows: BarrierRows, pairs: Rows, inside: Rows) -> BarrierRows:
+        return rows if self.shaping is None else self.shaping.undone(rows, pairs, inside)
 
     def _rates(self, rows: BarrierRows, pairs: Rows) -> Array:
         """Return the rate of each row [1/s]: η, and for what stands still as in the controller's equation."""
         share = np.minimum(np.maximum(rows.separation, 0.0) / self.horizon, 1.0)
         rate = np.where(self.barriers.coming[pairs], self._yielding, self.settings.rate)
         return rate / np.where(self.barriers.standing[pairs], np.maximum(1.0 - share**2, FREE), 1.0)
-
-
-def _part(rows: BarrierRows, chosen: Array | Rows) -> BarrierRows:
-    """Return some of the rows."""
-    return BarrierRows(rows.value[chosen], rows.gradient[chosen], rows.drift[chosen], rows.separation[chosen])
 
 
 @functools.lru_cache(maxsize=64)

@@ -69,7 +69,7 @@ static double exactly(sum* adding, long long sample, long long pair, double* wre
     adding->normal[2] = 1.0;
   }
   const double* frames = adding->at->placements + 12 * sample * adding->at->joints;
-  return exact(of->solids, of->pairs, pair, frames, adding->normal, wrench);
+  return exact(of->solids, of->pairs, pair, frames, 0.0, adding->normal, wrench);
 }
 
 /* Add ½ w min(D, 0)² of a row that no plane separates, with w D ∇D and w ∇D ∇Dᵀ. */

@@ -207,7 +207,7 @@ void uphill(line* along, const double* q, double* gradient) {
   const keeping* kept = term_of(of, &pair);
   double wrench[6];
   place(along, q);
-  (void)exact(kept->solids, kept->pairs, pair, along->placements, along->normals + 3 * along->hit, wrench);
+  (void)exact(kept->solids, kept->pairs, pair, along->placements, 0.0, along->normals + 3 * along->hit, wrench);
   for (long long i = 0; i < of->n; ++i) gradient[i] = 0.0;
   for (long long j = 0; j < of->arm->n; ++j) {
     const double* column = along->columns + 6 * j;

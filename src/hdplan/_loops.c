@@ -6,7 +6,8 @@ extern PyMethodDef forward_functions[], inverse_functions[], reach_functions[], 
     hdsdf_functions[], exact_functions[], separation_functions[], bounds_functions[], parts_functions[], newton_step_functions[],
     evaluation_functions[], time_optimal_functions[], gravity_functions[], path_speed_functions[], free_functions[],
     trees_functions[], closed_form_functions[], cells_functions[], places_functions[],
-    layers_functions[];
+    layers_functions[], braking_functions[], barrier_safety_functions[], moment_functions[],
+    lows_functions[];
 
 PyMODINIT_FUNC PyInit__loops(void);
 
@@ -18,7 +19,9 @@ PyMODINIT_FUNC PyInit__loops(void) {
                         hdsdf_functions,      exact_functions,      separation_functions, bounds_functions, parts_functions,
                          newton_step_functions, evaluation_functions, time_optimal_functions, gravity_functions,
                          path_speed_functions, free_functions, trees_functions,
-                        closed_form_functions, cells_functions, places_functions, layers_functions};
+                        closed_form_functions, cells_functions, places_functions, layers_functions,
+                        braking_functions, barrier_safety_functions, moment_functions,
+                        lows_functions};
   PyObject* module = PyModule_Create(&definition);
   size_t i;
   int failed = !module || add_record_type(module);

@@ -1,0 +1,125 @@
+"""The pairs of a controller at k configurations and times: which of them are near, and Δ with exact derivatives.
+
+The derivative by q is the distance's wrench on the first body times the geometric Jacobian; Δ depends on the relative
+pose only, so the second body's wrench is the opposite one, and a moving obstacle of world twist (v, ω) gives
+∂Δ/∂t = −(F·v + T·ω).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from hdplan.distance.compiled.loops import library
+from hdplan.planner.control.pair_level import PairLevel
+from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array, Mask, Rows
+
+NONE = np.empty(0, np.int64)
+Distance = Callable[[KinematicsBatch, Rows, Rows], tuple[Array, Array, Array]]  # as `PairDistance` is called
+
+
+@dataclass(frozen=True, eq=False)
+class BarrierRows:
+    """Δ and its derivatives, of S pairs, each at one configuration and time."""
+
+    value: Array  # (S,) [m]
+    gradient: Array  # (S, n) by the configuration
+    drift: Array  # (S,) by time alone [m/s]
+    separation: Array  # (S,) a lower bound of the true distance less the growth [m]; for the GDF no bound
+
+    def part(self, chosen: slice | Mask | Rows) -> BarrierRows:
+        """Return some of the rows."""
+        return BarrierRows(self.value[chosen], self.gradient[chosen], self.drift[chosen], self.separation[chosen])
+
+
+class Layout(NamedTuple):
+    """P pairs, numbered through their levels."""
+
+    robot: Robot
+    joints: int  # number of the robot's, including the world
+    levels: Sequence[tuple[int, PairLevel]]  # each with the number of its first pair
+    moves: Array  # (P, m) 1 where a joint of the model moves only the first body, −1 only the second, else 0
+    joint_b: Rows  # (P,) joint, or after these moving obstacle, that carries the second body
+    outer: int  # pairs with obstacles, which come first
+    standing: Mask  # (P,) whether it is a pair with an obstacle that stands still, of which nearness is proven
+    bounded: bool  # whether of all other pairs, too, what is not near is proven to be far
+    exact: bool  # whether the links' hulls are known
+
+
+class Moment(NamedTuple):
+    """Robot and obstacles at k configurations and times."""
+
+    layout: Layout
+    kinematics: KinematicsBatch  # with the frames of the moving obstacles after the joints'
+    twists: Array | None  # (k, m, 6) of the moving obstacles, if there are any
+
+    def within(self, horizon: float) -> Rows:
+        """Return the pairs, ascending, that may have a D̃ below the horizon [m] at one of the configurations: not those
+        of standing obstacles that are proven to have none."""
+        standing = self.layout.standing
+        if not standing.any() or not np.isfinite(horizon):
+            return np.arange(len(standing))
+        found = ~standing
+        found[self.layout.levels[0][1].near(horizon).close(self.kinematics)[1]] = True
+        return np.flatnonzero(found)
+
+    def doubtful(self, needed: Sequence[float]) -> tuple[Rows, Rows]:
+        """Return configurations and pairs (S,) that may have a D̃ below `needed` [m] (of pairs with obstacles, of pairs
+        of links); every other one is proven to have none."""
+        of = self.layout
+        if not of.bounded:
+            every = np.indices((len(self.kinematics.placements), len(of.moves))).reshape(2, -1)
+            return every[0], every[1]
+        found = [(NONE, NONE)]
+        for first, level in of.levels:
+            sample, pair = level.near(needed[0 if first < of.outer else 1]).close(self.kinematics)
+            found.append((sample, pair + first))
+        sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return sample, pair
+
+    def rows(self, sample: Rows, pair: Rows) -> BarrierRows:
+        """Return Δ of pairs (S,) at configurations (S,)."""
+        return self._evaluated([level.outer.distance for _, level in self.layout.levels], sample, pair)
+
+    def nearness(self, sample: Rows, pair: Rows, far: float = np.inf) -> BarrierRows:
+        """Return the exact distance of the links' hulls in pairs (S,), without growth, as `rows`; beyond `far` [m] some
+        number above it. Nothing if the hulls are not known."""
+        if not self.layout.exact:
+            sample = pair = NONE
+        distances = [functools.partial(level.nearness, far) for _, level in self.layout.levels]
+        return self._evaluated(distances, sample, pair)
+
+    def _evaluated(self, distances: Sequence[Distance], sample: Rows, pair: Rows) -> BarrierRows:
+        """Evaluate pairs by the distance of each level."""
+        count = len(pair)
+        value, wrench, separation = np.empty(count), np.empty((count, 6)), np.empty(count)
+        for (first, level), distance in zip(self.layout.levels, distances, strict=True):
+            own = np.flatnonzero((pair >= first) & (pair < first + len(level.pairs)))
+            if len(own):
+                value[own], wrench[own], separation[own] = distance(self.kinematics, sample[own], pair[own] - first)
+        gradient = self.layout.robot.fold(self.by_joints(sample, pair, wrench))
+        return BarrierRows(value, gradient, self._drift(sample, pair, wrench), separation)
+
+    def by_joints(self, sample: Rows, pair: Rows, wrench: Array) -> Array:
+        """Return the derivatives (S, m) by the model's joints that wrenches (S, 6) on the first bodies come to."""
+        columns, moves = self.kinematics.columns, self.layout.moves
+        if loops := library():
+            gradient = np.empty((len(pair), moves.shape[1]))
+            loops.by_joints(columns, moves, *(np.ascontiguousarray(each, np.int64) for each in (sample, pair)), wrench, gradient)
+            return gradient
+        return np.asarray(np.einsum("sni,si->sn", columns[sample], wrench) * moves[pair])
+
+    def _drift(self, sample: Rows, pair: Rows, wrench: Array) -> Array:
+        """Return ∂Δ/∂t (S,) [m/s]."""
+        drift = np.zeros(len(pair))
+        if self.twists is not None:
+            carried = np.flatnonzero(self.layout.joint_b[pair] >= self.layout.joints)
+            twists = self.twists[sample[carried], self.layout.joint_b[pair[carried]] - self.layout.joints]
+            drift[carried] = -np.einsum("si,si->s", wrench[carried], twists)
+        return drift
