@@ -62,7 +62,8 @@ class Ways:
                 self._not_before = now + AGAIN
         joined = self.waiting(held, course, row)
         if joined is None or self._waiting is None:
-            self._waiting = None
+            if self._waiting is None or not _stops_there(held, self._waiting.question):
+                self._waiting = None
             return course
         if self._waiting.question.standing is None and joined.law[-1, 0] > self._waiting.question.begins:
             return course
@@ -76,7 +77,7 @@ class Ways:
             return None
         question = self._waiting.question
         if question.standing is not None:
-            stands = row >= held.last and np.array_equal(held.stop, question.standing)
+            stands = row >= held.last and _stops_there(held, question)
             return Course(way, row, np.array([[way.begins, 0.0, 0.0]])) if stands else None
         if course is None or course.nominal is not question.nominal:
             return None
@@ -121,6 +122,11 @@ class Ways:
             self._asked = self._executor.submit(outlook, question)
         except RuntimeError as error:  # it was shut down
             self.why, self._not_before = f"no way is searched: {error}", now + AGAIN
+
+
+def _stops_there(held: Held, question: Question) -> bool:
+    """True if what is held ends where the way of an answer begins at rest."""
+    return question.standing is not None and np.array_equal(held.stop, question.standing)
 
 
 def _heard(future: Future[Answer]) -> tuple[Answer | None, str]:
