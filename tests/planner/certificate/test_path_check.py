@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.path_check import SLACK, PathCheck, PathProof
+from hdplan.planner.certificate.path_check import SLACK, Kept, PathCheck, PathProof
 from hdplan.planner.certificate.verdict import Certificate, Status, at_most
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
@@ -20,7 +20,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
@@ -67,6 +67,18 @@ def scene_of(spec: RobotSpec, *asked: Upright | Within) -> Scene:
 
 def proof_of(robot: Robot, scene: Scene, curve: Curve) -> PathProof:
     return PathCheck(Setup(scene, robot), Chain.of(robot.model)).prove(curve)
+
+
+def is_broken(proof: PathProof, kept: Kept, values: Array, interval: Rows, scale: float) -> bool:
+    """Whether a constraint is refuted; its bound is neither below its values (k,) at places in intervals (k,), nor far
+    above the truth, and where they are not allowed, it is not proven."""
+    assert values.max() <= kept.worst
+    assert kept.met <= kept.worst
+    unproven = {d.interval for d in proof.departures if d.field == kept.field}
+    assert set(interval[values > kept.allowed].tolist()) <= unproven
+    assert bool(unproven) or kept.worst <= kept.allowed + 2e-9
+    assert kept.worst - max(kept.met, values.max()) <= 1.01 * SLACK * scale
+    return any(d.field == kept.field and d.violated for d in proof.departures)
 
 
 def sampled(robot: Robot, scene: Scene, q: Array) -> dict[str, Array]:
@@ -130,17 +142,7 @@ def test_dense_samples_never_find_more_than_is_proven(name: str, base: Pose, tmp
         scene = scene_of(spec, dataclasses.replace(upright, tolerance=tolerance), box)
         proof = proof_of(robot, scene, curve)
         for kept in proof.kept:
-            values = found[kept.field]
-            assert values.max() <= kept.worst
-            assert kept.met <= kept.worst
-            broken = {d.interval for d in proof.departures if d.field == kept.field and d.violated}
-            unproven = {d.interval for d in proof.departures if d.field == kept.field}
-            assert set(interval[values > kept.allowed].tolist()) <= unproven
-            assert bool(unproven) or kept.worst <= kept.allowed + 2e-9
-            assert bool(broken) or unproven or values.max() <= kept.allowed
-            scale = kept.allowed or min(size) / 2
-            assert kept.worst - max(kept.met, values.max()) <= 1.01 * SLACK * scale  # and close to the truth
-            seen.add(bool(broken))
+            seen.add(is_broken(proof, kept, found[kept.field], interval, kept.allowed or min(size) / 2))
         for departure in proof.departures:
             place = curve.at(np.array([departure.interval]), np.array([departure.fraction]))
             assert sampled(robot, scene, place)[departure.field][0] == pytest.approx(departure.found, abs=1e-7)

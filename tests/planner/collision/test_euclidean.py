@@ -4,7 +4,7 @@ always answers."""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import coal
 import numpy as np
@@ -18,6 +18,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
+from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_shape
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
@@ -25,7 +26,7 @@ from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.terminal.explain import explain
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
@@ -132,21 +133,25 @@ def test_a_cylinder_is_round() -> None:
     np.testing.assert_allclose(distance[:, 0], [0.15, 0.05, 0.45, -0.1], rtol=0, atol=EXACT)
 
 
-def test_the_wrench_is_the_derivative_under_a_motion_of_the_first_body() -> None:
-    """Away from kinks, which show as one-sided derivatives that differ."""
-    bodies, others, at = free_bodies(40, 4), clutter(40, 5, spread=0.2), poses(10, 6, spread=0.4)
-    pairs = fcl(bodies, others)
-    middle, wrench = everything(pairs, at)
-    rng, step, checked = np.random.default_rng(7), 1e-4, 0
+def smooth_motions(pairs: ExactPairs | FclPairs, at: Array, step: float, close: float) -> Iterator[tuple[Array, Mask]]:
+    """Six velocities of the first bodies, and where the distances have no kink, which shows as one-sided derivatives
+    that differ: there the wrench is the derivative."""
+    (middle, wrench), rng, checked = everything(pairs, at), np.random.default_rng(7), 0
     for _ in range(6):
         linear, angular = rng.normal(size=(2, 3))
         velocity = np.concatenate([linear, angular])
         ahead, behind = (everything(pairs, moved(at, linear, angular, sign * step))[0] for sign in (1, -1))
         forward, backward = (ahead - middle) / step, (middle - behind) / step
-        smooth = np.abs(forward - backward) < 1e-2
-        np.testing.assert_allclose((wrench @ velocity)[smooth], ((forward + backward) / 2)[smooth], atol=1e-2)
+        smooth = np.abs(forward - backward) < close
+        np.testing.assert_allclose((wrench @ velocity)[smooth], ((forward + backward) / 2)[smooth], atol=close)
         checked += int(smooth.sum())
+        yield velocity, smooth
     assert checked > 0.7 * 6 * middle.size
+
+
+def test_the_wrench_is_the_derivative_under_a_motion_of_the_first_body() -> None:
+    bodies, others, at = free_bodies(40, 4), clutter(40, 5, spread=0.2), poses(10, 6, spread=0.4)
+    assert len(list(smooth_motions(fcl(bodies, others), at, 1e-4, 1e-2))) == 6
 
 
 def moved(at: Array, linear: Array, angular: Array, step: float) -> Array:

@@ -1,4 +1,4 @@
-"""A forger's pen: jobs' proofs with other parts, heads and worlds, and with the hashes of other files."""
+"""Jobs' files, and a forger's pen: their proofs with other parts, heads and worlds, and the hashes of other files."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import hdplan
 from hdplan.verify.bundle import MAGIC as JOB_MAGIC, parts_of
 from hdplan.verify.checking import Verdict, check_job
 from hdplan.verify.compare import plain
@@ -15,6 +16,15 @@ from hdplan.verify.job import read_job
 from hdplan.verify.kernel import MAGIC, unpack
 
 Told = list[dict[str, Any]]
+
+
+def written(result: hdplan.JobResult, folder: Path) -> tuple[Path, Path]:
+    """The files of a certified job's scene and motion."""
+    assert result.certified, result.text
+    scene, motion = folder / "scene.yaml", folder / "job.json"
+    result.scene.save(scene)
+    result.save(motion)
+    return scene, motion
 
 
 def packed(parts: list[bytes]) -> bytes:

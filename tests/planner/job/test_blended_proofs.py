@@ -28,6 +28,8 @@ from hdplan.verify.job import Part, read_job
 from hdplan.verify.kernel import unpack
 from hdplan.verify.world import World
 
+from .forging import written
+
 TOOL, FINGERS = "panda_hand_tcp", ["panda_leftfinger", "panda_rightfinger"]
 HELD = {"panda_finger_joint1": 0.0102, "panda_finger_joint2": 0.0102}
 SPEED = 0.1
@@ -74,13 +76,9 @@ def scene(tip: Any) -> Scene:
 @pytest.fixture(scope="module")
 def files(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Files:
     """Scene, motion and proof."""
-    folder = tmp_path_factory.mktemp("blended")
     result = hdplan.plan_job(scene)
-    assert result.certified, result.text
-    result.save(folder / "job.json")
-    scene.save(folder / "job.yaml")
-    proof = prove_certified(result.certificate, folder / "job.yaml", folder / "job.json")
-    return folder / "job.yaml", folder / "job.json", proof.data
+    path, motion = written(result, tmp_path_factory.mktemp("blended"))
+    return path, motion, prove_certified(result.certificate, path, motion).data
 
 
 @pytest.fixture(scope="module")

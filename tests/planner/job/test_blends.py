@@ -23,6 +23,8 @@ from hdplan.scenes.errors import InputError
 from hdplan.verify.balls import RejectedError
 from hdplan.verify.checking import check_job
 
+from .forging import written
+
 TOOL, FAR, ANGLE = "panda_link8", 1e-5, 1e-4
 LIMITS = hdplan.Limits(velocity="urdf", acceleration=5.0, jerk=500.0)
 START = [-0.022096, -0.753529, 0.007612, -1.716165, 0.0063464, 0.962660, 0.771123]
@@ -292,9 +294,7 @@ def test_a_line_in_the_tools_frame_goes_where_the_tool_has_turned(
     for factor in (0.97, 1.03, -1.0):
         other = tuple(factor * np.array(by))
         assert not _certified(job_of(*stages[:2], replace(line, by=other)), result)
-    scene.save(tmp_path / "scene.yaml")
-    result.save(tmp_path / "job.json")
-    proof = prove_certified(result.certificate, tmp_path / "scene.yaml", tmp_path / "job.json")
+    proof = prove_certified(result.certificate, *written(result, tmp_path))
     assert proof.text.startswith("accepted: a job of 3 stages")
 
 
@@ -376,9 +376,7 @@ def test_a_blend_that_would_be_slower_is_a_stop(tmp_path: Path) -> None:
     assert any("stops at its end, where the job blends it into 'back'" in note for note in said)
     assert any("not blended into 'back': it would take" in note for note in said)
     assert hdplan.certify_job(scene, result.trajectory).text == result.text
-    scene.save(tmp_path / "scene.yaml")
-    result.save(tmp_path / "job.json")
-    proof = prove_certified(result.certificate, tmp_path / "scene.yaml", tmp_path / "job.json")
+    proof = prove_certified(result.certificate, *written(result, tmp_path))
     assert proof.text.startswith("accepted: a job of 2 stages")
     assert "stops, where the job blends it into the next" in proof.text
     said = json.loads((tmp_path / "job.json").read_text())
@@ -473,21 +471,19 @@ def test_what_cannot_be_blended_is_one_line(tmp_path: Path, stages: list[str], w
 
 
 def test_blends_are_written_and_read_again(tmp_path: Path, coarse: JobResult) -> None:
-    coarse.scene.save(tmp_path / "scene.yaml")
-    again = hdplan.load_scene(tmp_path / "scene.yaml")
+    scene, motion = written(coarse, tmp_path)
+    again = hdplan.load_scene(scene)
     assert again.job == coarse.scene.job
-    coarse.save(tmp_path / "job.json")
-    assert hdplan.certify_job(again, hdplan.Trajectory.load(tmp_path / "job.json")).certified
+    assert hdplan.certify_job(again, hdplan.Trajectory.load(motion)).certified
 
 
 def test_a_blend_by_laws_of_the_tool_has_a_proof(tmp_path: Path, coarse: JobResult) -> None:
     """The checker's own definition is that of Pilz, too: what it accepts is within a hundredth of a millimetre."""
-    coarse.scene.save(tmp_path / "scene.yaml")
-    coarse.save(tmp_path / "job.json")
-    proof = prove_certified(coarse.certificate, tmp_path / "scene.yaml", tmp_path / "job.json")
+    scene, motion = written(coarse, tmp_path)
+    proof = prove_certified(coarse.certificate, scene, motion)
     assert proof.text.startswith("accepted: a job of 2 stages")
     assert "rad, at most 0.3 m/s, at most 1.5 m/s^2" in proof.text
     other = tmp_path / "other.yaml"
-    other.write_text((tmp_path / "scene.yaml").read_text(encoding="utf-8").replace("0.8", "0.7"), encoding="utf-8")
+    other.write_text(scene.read_text(encoding="utf-8").replace("0.8", "0.7"), encoding="utf-8")
     with pytest.raises(RejectedError):
-        check_job(other, tmp_path / "job.json", proof.data)
+        check_job(other, motion, proof.data)

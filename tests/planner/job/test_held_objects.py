@@ -14,6 +14,8 @@ from hdplan.planner.job.proof import prove_job
 from hdplan.planner.job.result import JobResult
 from hdplan.scenes.errors import InputError
 
+from .forging import written
+
 LIMITS = hdplan.Limits(acceleration=8.0)
 CUP = "wrist_3_link"
 TWO_HANDS = """<robot name="sliders"><link name="root"/>
@@ -67,10 +69,7 @@ def test_what_is_held_is_brought_to_a_pose_as_a_link_is(placed: JobResult, tmp_p
     np.testing.assert_allclose(pin.rpy.matrixToRpy(there.rotation), [0.0, 0.0, 1.1], rtol=0, atol=0.02)
     tilts = [(hand(row) * held).rotation[2, 2] for row in range(rows[4], rows[5] + 1)]
     assert min(tilts) >= np.cos(0.3)
-    scene, file = tmp_path / "scene.yaml", tmp_path / "job.json"
-    placed.scene.save(scene)
-    placed.save(file)
-    proof = prove_job(scene, file)
+    proof = prove_job(*written(placed, tmp_path))
     assert proof.certificate.certified
     assert proof.text.startswith("accepted: a job of 7 stages")
     assert proof.text.count("bar follows its curve of 2 poses") == 2

@@ -21,7 +21,7 @@ from hdplan.verify.checking import check, check_job, check_part
 from hdplan.verify.job import read_job
 
 from ..proof.worlds import packed as packed_world, unpacked
-from .forging import judged, packed, worlds
+from .forging import judged, packed, worlds, written
 
 Files = tuple[Path, Path, bytes]
 URDF = """<robot name="sliders"><link name="root"/>{}</robot>"""
@@ -66,12 +66,8 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> hdplan.Scene:
 @pytest.fixture(scope="module")
 def files(scene: hdplan.Scene, tmp_path_factory: pytest.TempPathFactory) -> Files:
     """Scene, motion and proof."""
-    folder = tmp_path_factory.mktemp("held")
-    result = hdplan.plan_job(scene)
-    assert result.certified, result.text
-    result.save(folder / "job.json")
-    scene.save(folder / "job.yaml")
-    return folder / "job.yaml", folder / "job.json", prove_job(folder / "job.yaml", folder / "job.json").data
+    path, motion = written(hdplan.plan_job(scene), tmp_path_factory.mktemp("held"))
+    return path, motion, prove_job(path, motion).data
 
 
 def bar_of(world: dict[str, Any]) -> dict[str, Any]:

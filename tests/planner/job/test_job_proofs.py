@@ -30,7 +30,7 @@ from hdplan.verify.reach import between
 from hdplan.verify.scene import solid
 from hdplan.verify.world import Piece, shape_of
 
-from .forging import judged, packed, worlds
+from .forging import judged, packed, worlds, written
 
 FINGER = "panda_finger_joint1"
 HAND = ["panda_leftfinger", "panda_rightfinger"]
@@ -72,15 +72,11 @@ def scene() -> Scene:
 
 @pytest.fixture(scope="module")
 def files(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, bytes]:
-    """Scene, motion and proof."""
-    folder = tmp_path_factory.mktemp("job")
-    result = hdplan.plan_job(scene)
-    assert result.certified, result.text
-    result.save(folder / "job.json")
-    scene.save(folder / "job.yaml")
-    proof = prove_job(folder / "job.yaml", folder / "job.json")
-    proof.save(folder / "job.proof")
-    return folder / "job.yaml", folder / "job.json", proof.data
+    """Scene, motion and proof, which has a file, too."""
+    path, motion = written(hdplan.plan_job(scene), tmp_path_factory.mktemp("job"))
+    proof = prove_job(path, motion)
+    proof.save(path.with_suffix(".proof"))
+    return path, motion, proof.data
 
 
 def test_the_whole_job_is_accepted(files: tuple[Path, Path, bytes], capsys: pytest.CaptureFixture[str]) -> None:
@@ -287,19 +283,25 @@ def test_how_far_pieces_are_apart(seed: int) -> None:
         assert between(*pieces) == pytest.approx(exact, abs=2e-5)
 
 
-def test_kinds_that_are_not_known_are_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+def test_what_no_job_has_is_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
     path, motion, data = files
     written = path.read_text(encoding="utf-8")
+    start, wait = '"panda_finger_joint2": 0.02}', '"wait": 0.1'
+    at_rest = '"move": {"state": "default", "velocity": [0, 0, 0, 0, 0, 0, 0]}'
     for old, new, words in (
-        ('"wait": 0.1', '"spiral": 0.1', "does not know 'spiral' there"),
-        ('"wait": 0.1', '"wait": 0.1, "blend": 0.01', "blend: goes with move, line, circle, along"),
+        (wait, '"spiral": 0.1', "does not know 'spiral' there"),
+        (wait, '"wait": 0.1, "blend": 0.01', "blend: goes with move, line, circle, along"),
         ('"by": ', '"spin": 1, "by": ', "does not know 'spin' there"),
+        (start, f'{start}, "velocity": {{"panda_joint1": 0.1}}', "start.velocity"),  # a job begins at rest,
+        (wait, at_rest, "move.velocity"),  # and ends so
     ):
         assert old in written
         other = tmp_path / "other.yaml"
         other.write_text(written.replace(old, new, 1), encoding="utf-8")
         with pytest.raises(RejectedError, match=words):
             check_job(other, motion, data)
+        with pytest.raises(InputError):  # of the planner, as well
+            hdplan.load_scene(other)
 
 
 def test_what_no_job_knows_of_its_world_is_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
@@ -317,24 +319,6 @@ def test_what_no_job_knows_of_its_world_is_refused_by_name(files: tuple[Path, Pa
         with pytest.raises(RejectedError, match=key):
             judged(other, motion, data)
         with pytest.raises(InputError, match=key):
-            hdplan.load_scene(other)
-
-
-def test_a_job_begins_and_ends_at_rest_as_the_planner_has_it(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
-    """A velocity that nobody would check is refused, by both."""
-    path, motion, data = files
-    written = path.read_text(encoding="utf-8")
-    start, goal = '"panda_finger_joint2": 0.02}', '"wait": 0.1'
-    for old, new, words in (
-        (start, f'{start}, "velocity": {{"panda_joint1": 0.1}}', "start.velocity"),
-        (goal, '"move": {"state": "default", "velocity": [0, 0, 0, 0, 0, 0, 0]}', "move.velocity"),
-    ):
-        assert old in written
-        other = tmp_path / "other.yaml"
-        other.write_text(written.replace(old, new, 1), encoding="utf-8")
-        with pytest.raises(RejectedError, match=words):
-            check_job(other, motion, data)
-        with pytest.raises(InputError, match="velocity"):
             hdplan.load_scene(other)
 
 
@@ -357,9 +341,7 @@ def test_what_stands_around_may_be_elsewhere_by_a_known_size(scene: Scene, tmp_p
     ]
     assert least
     assert min(least) >= 0.02
-    path, motion, other = tmp_path / "scene.yaml", tmp_path / "motion.json", tmp_path / "other.yaml"
-    unsure(size).save(path)
-    result.save(motion)
+    (path, motion), other = written(result, tmp_path), tmp_path / "other.yaml"
     proof = prove_job(path, motion)
     assert proof.text.startswith("accepted: a job of 5 stages")
     assert "obstacle post is up to 0.02 m, 0.1 rad about its origin and 0 m/s away" in proof.text

@@ -36,6 +36,7 @@ from hdplan.verify.reading import read_world
 from hdplan.verify.seen import balls_of
 from hdplan.verify.text import Files
 
+from ..job.forging import written
 from .test_verify_meaning import MOTION, SCENE, URDF, files
 from .worlds import packed, unpacked
 
@@ -427,10 +428,7 @@ def test_a_job_leaves_out_what_is_near_where_it_begins(tmp_path: Path) -> None:
     limits = hdplan.Limits(acceleration=4.0)
     scene = hdplan.Scene(robot="panda", start="default", limits=limits, obstacles=[seen], job=job)
     result = hdplan.plan_job(scene)
-    assert result.certified, result.text
-    scene.save(tmp_path / "scene.yaml")
-    result.save(tmp_path / "motion.json")
-    proof = prove_job(tmp_path / "scene.yaml", tmp_path / "motion.json")
+    proof = prove_job(*written(result, tmp_path))
     assert proof.text.startswith("accepted: a job of 2 stages")
     assert proof.text.count("left out, of 3 balls of seen: 2 within 30 mm of the robot at the start") == 1
 
