@@ -1,6 +1,6 @@
 """What each effect costs: the same scene with and without its section, in build, evaluation, solve and certificate.
 
-    python benchmarks/effects.py [--picture FILE.png] [--csv FILE] [--repeat R]
+    python benchmarks/effects.py [--picture FILE.png] [--repeat R]
 
 One process, warm: every scene is planned once before it is measured. Given is the median of R runs, all of which do
 the same. An evaluation is one call of `Problem.evaluate` at the straight line. Solve includes the timing. Without
@@ -11,8 +11,6 @@ iteration costs.
 from __future__ import annotations
 
 import argparse
-import csv
-import dataclasses
 import sys
 import time
 from collections.abc import Callable
@@ -181,7 +179,6 @@ def main() -> None:
     """Measure every effect, and say it as a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--picture", type=Path)
-    parser.add_argument("--csv", type=Path)
     parser.add_argument("--repeat", type=int, default=15)
     options = parser.parse_args()
 
@@ -194,15 +191,6 @@ def main() -> None:
     print(markdown_text([row(*cost) for cost in costs]))
     if options.picture is not None:
         draw(costs, options.picture)
-    if options.csv is not None:
-        with options.csv.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            fields = [field.name for field in dataclasses.fields(Cost) if field.name != "seconds"]
-            writer.writerow(["section", "scene", "with", *fields, *(f"{phase} [s]" for phase in PHASES)])
-            for effect, *both in costs:
-                for given, cost in enumerate(both):
-                    values = [getattr(cost, name) for name in fields]
-                    writer.writerow([effect.section, effect.scene, bool(given), *values, *cost.seconds])
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """Plan the problems of MotionBenchMaker and re-check every certified motion by code that shares nothing with hdplan.
 
     python benchmarks/mbm.py DIR [--robot NAME ...] [--set cage ...] [--every K] [--time-limit S] [--no-recheck]
-    [--csv F]
 
 DIR holds panda/, ur5/, fetch/ and baxter/, each with a robot.yaml and one folder per set; without --robot the first two
 are planned for. Prints a table with a row per set, and every problem that is not certified with its cause; to the error
@@ -11,7 +10,6 @@ trimesh, contacts by FCL at dense samples) finds wrong with it: it must be 0.
 
 from __future__ import annotations
 
-import csv
 import sys
 import tempfile
 import time
@@ -148,7 +146,6 @@ def main() -> None:
     """Run the benchmark from the command line."""
     parser = problem_parser(__doc__)
     parser.add_argument("--no-recheck", action="store_true")
-    parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
     outcomes: list[Outcome] = []
     for robot in options.robot or ("panda", "ur5"):
@@ -161,12 +158,6 @@ def main() -> None:
     if not outcomes:
         sys.exit(f"no problems found below {options.folder}")
     print(table(outcomes), failures(outcomes), sep="\n")
-    if options.csv:
-        with options.csv.open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(("robot", "set", "problem", "status", "clearance_m", *PHASES, "attempts", "recheck"))
-            for o in outcomes:
-                writer.writerow((o.robot, o.set, o.problem, o.status, o.clearance, *o.seconds, o.attempts, o.recheck))
 
 
 if __name__ == "__main__":

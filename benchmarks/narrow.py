@@ -1,7 +1,7 @@
 """Plan the problems in narrow places: a gripper that holds a cube in a cage, goals among cans, two arms under a table.
 
     python benchmarks/narrow.py DIR [--set cage ...] [--every K] [--from J] [--time-limit S] [--proofs]
-        [--ompl RRTConnect BITstar ...] [--roboplan STEP] [--processor-time] [--csv F]
+        [--ompl RRTConnect BITstar ...] [--roboplan STEP] [--processor-time]
 
 DIR holds cage/ (UR5), bookshelf/ (Fetch) and table/ (Baxter, both arms), meshes/ and the robots' folders, and beside it
 mbm/baxter with Baxter's description. The places of our own (`narrow_places.py`) need none of it: three are planned with
@@ -16,12 +16,11 @@ by its own collision test of hulls, with edges checked every STEP [rad].
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -231,7 +230,6 @@ def main() -> None:
     parser.add_argument("--time-limit", type=float, default=10.0)
     add_processor_time(parser)
     parser.add_argument("--proofs", action="store_true")
-    parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
     set_clock(options)
     others = {planner: by_ompl(planner) for planner in options.ompl}
@@ -248,11 +246,6 @@ def main() -> None:
                 print(*done, sep="\n", file=sys.stderr, flush=True)
                 outcomes += done
     print(compared(outcomes) if others else table(outcomes, options.proofs))
-    if options.csv:
-        with options.csv.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(asdict(outcomes[0])))
-            writer.writeheader()
-            writer.writerows(asdict(each) for each in outcomes)
 
 
 if __name__ == "__main__":

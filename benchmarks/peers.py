@@ -1,7 +1,7 @@
 """hdplan beside its peers: the same problems, link hulls, machine and run, each path judged by the same certificate.
 
     python benchmarks/peers.py DIR [--robot panda|ur5] [--set cage ...] [--every K] [--goals joints|pose]
-    [--planner NAME ...] [--time-limit S] [--proofs] [--csv F]
+    [--planner NAME ...] [--time-limit S] [--proofs]
 
 DIR holds MotionBenchMaker's problems as `mbm` takes them. Prints a table of all planners over all problems; to the
 error stream, a line per problem and planner, and what is proven by set. The peers need
@@ -47,7 +47,6 @@ and smoothness as in `peer_task.measure`.
 from __future__ import annotations
 
 import argparse
-import csv
 import importlib
 import sys
 import tempfile
@@ -307,7 +306,6 @@ def main() -> None:
     parser.add_argument("--planner", nargs="*", choices=tuple(PLANNERS), help="all that can, without it")
     parser.add_argument("--time-limit", type=float, default=10.0, help="[s] for each planner on each problem")
     parser.add_argument("--proofs", action="store_true", help="write and check a proof of every certified path")
-    parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
     able = TO_POSES if options.goals == "pose" else tuple(PLANNERS)
     chosen = able if options.planner is None else options.planner
@@ -331,19 +329,6 @@ def main() -> None:
         sys.exit(f"no problems found below {options.folder}")
     print(by_set(outcomes), file=sys.stderr)
     print(overview(outcomes, options.proofs))
-    if options.csv:
-        _write(options.csv, outcomes)
-
-
-def _write(file: Path, outcomes: list[Outcome]) -> None:
-    with file.open("w", newline="") as stream:
-        writer = csv.writer(stream)
-        words = ("planner", "robot", "set", "problem", "claimed", "proven", "setup_s", "seconds")
-        writer.writerow((*words, "length_rad", "acceleration", "jerk", "clearance_m", "motion_s", "verdict"))
-        for o in outcomes:
-            shape = (o.shape.length, o.shape.acceleration, o.shape.jerk) if o.shape else (np.nan,) * 3
-            head = (o.planner, o.robot, o.set, o.problem, o.claimed, o.proven, o.setup, o.seconds)
-            writer.writerow((*head, *shape, o.clearance, o.motion, o.verdict))
 
 
 if __name__ == "__main__":

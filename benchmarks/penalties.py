@@ -1,6 +1,6 @@
 """HD-SDF against FCL as the obstacle penalty: same bodies, functional, solver, first guesses and certificate.
 
-    python benchmarks/penalties.py DIR [--robot panda|ur5] [--every K] [--time-limit S] [--picture F] [--csv F]
+    python benchmarks/penalties.py DIR [--robot panda|ur5] [--every K] [--time-limit S] [--picture F]
 
 DIR holds MotionBenchMaker's problems as `mbm` takes them; the shipped scenes come on top. Each problem is planned with
 each of `penalty_variants`, one right after the other, all else at its default. Prints tables: effort over all problems,
@@ -19,8 +19,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import csv
-import dataclasses
 import itertools
 import sys
 import time
@@ -248,7 +246,6 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
     parser.add_argument("--time-limit", type=float, default=30.0, help="[s] for each plan")
     parser.add_argument("--picture", type=Path, help="where to draw the cost against the iteration")
-    parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
     runs: list[Run] = []
     timed: list[penalty_pairs.PairTimes] = []
@@ -278,30 +275,6 @@ def main() -> None:
         attempts = {v: [r.steps for r in benchmark if r.variant == v] for v in VARIANTS}
         certified = {v: [r.certified for r in benchmark if r.variant == v] for v in VARIANTS}
         penalty_picture.draw(attempts, certified, penalty_faces.tilted(), options.picture)
-    if options.csv:
-        _write(options.csv, runs)
-
-
-def _write(file: Path, runs: list[Run]) -> None:
-    words = ("group", "problem", "penalty", "certified", "attempts", "iterations", "refused", "evaluations")
-    more = (
-        "evaluate_s",
-        "pairs",
-        "distance_s",
-        "solve_s",
-        "length_rad",
-        "acceleration",
-        "jerk",
-        "clearance_m",
-        "verdict",
-    )
-    with file.open("w", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow((*words, *more))
-        for r in runs:
-            head = (r.group, r.problem, r.variant, r.certified, r.attempts, r.iterations, r.refused)
-            shape = (r.shape.length, r.shape.acceleration, r.shape.jerk)
-            writer.writerow((*head, *dataclasses.astuple(r.meter), *shape, r.clearance, r.words))
 
 
 if __name__ == "__main__":

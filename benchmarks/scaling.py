@@ -1,6 +1,6 @@
 """How a plan grows with the number of waypoints and of obstacles: times, and the peak of memory.
 
-    python benchmarks/scaling.py [--picture FILE.png] [--csv FILE] [--repeat R]
+    python benchmarks/scaling.py [--picture FILE.png] [--repeat R]
 
 A Panda moves around a post and between random boxes with edges of 2 to 6 cm, placed 5 cm clear of the straight line,
 which meets the post, of the motion that is found with the post alone, and of all between the two: so the problem stays
@@ -14,7 +14,6 @@ that of log time over log size between the ends: 1 is linear.
 from __future__ import annotations
 
 import argparse
-import csv
 import dataclasses
 import itertools
 import pickle
@@ -216,7 +215,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeat", type=int, default=5, help="plans per point; the fastest counts")
     parser.add_argument("--picture", type=Path)
-    parser.add_argument("--csv", type=Path)
     parser.add_argument("--one", type=Path, metavar="FILE", help="one point, in this process: two pickled scenes")
     options = parser.parse_args()
     if options.one:
@@ -232,11 +230,6 @@ def main() -> None:
     print(table(f"waypoints, {BOXES[-1]:,} boxes", [both], "waypoints"))
     if options.picture:
         draw(by_waypoints, by_boxes, options.picture)
-    if options.csv:
-        with options.csv.open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow([field.name for field in dataclasses.fields(Point)])
-            writer.writerows(dataclasses.astuple(p) for p in (*by_waypoints, *by_boxes, both))
 
 
 if __name__ == "__main__":
