@@ -9,10 +9,10 @@ import pytest
 
 import hdplan
 from hdplan.planner.control.computed_torque import STEP, Execution
+from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.result import JobResult
 from hdplan.planner.job.simulation import replay_job
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.job.places import link_pose
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.scene import Scene
 
