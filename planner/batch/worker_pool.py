@@ -41,16 +41,15 @@ def cores() -> int:
 @contextlib.contextmanager
 def worker_pool(workers: Workers) -> Iterator[Client]:
     """Yield a client of workers. Raises InputError if their scheduler does not answer."""
-    import dask
-    from distributed import Client
-
-    _silence()
     with contextlib.ExitStack() as stack:
-        if isinstance(workers, ClusterFile):
+        address = stack.enter_context(_local(workers)) if isinstance(workers, int) else workers
+        import dask
+        from distributed import Client
+
+        _silence()
+        if isinstance(address, ClusterFile):
             stack.enter_context(dask.config.set(SETTINGS))
-            address = stack.enter_context(workers.started())
-        else:
-            address = stack.enter_context(_local(workers)) if isinstance(workers, int) else workers
+            address = stack.enter_context(address.started())
         try:
             if isinstance(workers, str):
                 _check_address(workers)
@@ -95,6 +94,8 @@ def _local(workers: int) -> Iterator[str]:
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     with subprocess.Popen(command, env=within, start_new_session=True, **pipes) as process:  # type: ignore[call-overload]
         try:
+            import distributed  # noqa: F401  # a second, while the other process starts
+
             address = process.stdout.readline().decode().strip()
             if not address:
                 raise InputError("the workers of this machine did not start: not enough memory, processes or ports")

@@ -1,5 +1,7 @@
-"""Pairs of links that touch at every sampled configuration, and those of them that are proven always to: both are found
-once for a robot and kept on disk, by all that they follow from."""
+"""Pairs of links in contact at every sampled configuration, and the proof that some of these pairs always touch.
+
+Both are found once for a robot and kept on disk by the content of everything that determines them.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +24,8 @@ FIRST = 20  # samples at which most pairs are seen apart, in a moment
 
 
 def lasting_contacts(robot: Robot, pairs: Iterable[LinkPair]) -> tuple[tuple[LinkPair, ...], tuple[LinkPair, ...]]:
-    """Return the pairs that touch at each of CONTACT_SAMPLES random configurations (fixed seed), and those of them that
-    are proven to touch at all (`always_touching`), up to EXCESS beyond the limits."""
+    """Return the pairs that touch at each of CONTACT_SAMPLES random configurations (fixed seed), and the pairs among
+    these with a proof that they always touch (`always_touching`), up to EXCESS beyond the limits."""
     samples = robot.draw(np.random.default_rng(0), CONTACT_SAMPLES)
     left = in_contact(robot, pairs, samples[:FIRST])
     if not left:

@@ -10,7 +10,7 @@ from hdplan.distance.studies.kinks import Kinks, kinks
 
 @pytest.fixture(scope="module")
 def found() -> Kinks:
-    return kinks(samples=201)
+    return kinks(samples=401)
 
 
 def test_rates_are_the_derivatives(found: Kinks) -> None:

@@ -93,7 +93,7 @@ def test_the_joints_are_jogged_and_go_to_states_and_back(served: Served, scene: 
     assert viewer.edited.goal[1] == first.goal[1]
     while (edited := viewer.edited) is not first:  # more than one step, where the mouse rested
         press(page, "undo")
-        until(lambda edited=edited: viewer.edited is not edited, "it is not undone")  # type: ignore[misc]
+        until(lambda edited=edited: viewer.edited is not edited, "it is not undone")
         calm(viewer)
     press(page, "random")
     until(lambda: viewer.edited.goal.tolist() != first.goal.tolist(), "the goal stays where it was")
