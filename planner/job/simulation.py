@@ -44,7 +44,7 @@ class JobSimulation:
         if self.tracking is None:
             return f"replayed: all {len(self.stages)} stages, within all limits of the scene"
         worst = max(np.abs(each.errors).max() for each in self._executions)
-        return f"executed: all {len(self.stages)} stages, the arm's simulated with dynamics, tracked within {worst:.1e} rad"
+        return f"executed: all {len(self.stages)} stages, simulated with dynamics, tracked within {worst:.1e} rad"
 
     @property
     def tracking(self) -> Tracking | None:
