@@ -59,7 +59,7 @@ class JobSimulation:
 
     @property
     def _executions(self) -> list[Any]:
-        """What was executed of the arm."""
+        """The executions of the arm."""
         return [each.execution for stage, each in self.stages if stage.arm is None and each.execution is not None]
 
     def summary(self) -> dict[str, Any]:
