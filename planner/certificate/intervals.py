@@ -8,11 +8,11 @@ times of the motion.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,9 +176,15 @@ def _lengths(vectors: Array) -> Array:
     return np.asarray(np.hypot(np.hypot(vectors[:, 0], vectors[:, 1]), vectors[:, 2]))
 
 
-@functools.lru_cache(maxsize=4096)
+_cylinders: WeakKeyDictionary[Chain, WeakKeyDictionary[Body, tuple[float, float, float]]] = WeakKeyDictionary()
+
+
 def _around(chain: Chain, body: Body) -> tuple[float, float, float]:
-    return body.around(chain)
+    """Return `Body.around`, once for as long as both are used: a body may hold a mesh of megabytes."""
+    known = _cylinders.setdefault(chain, WeakKeyDictionary())
+    if body not in known:
+        known[body] = body.around(chain)
+    return known[body]
 
 
 @dataclass(frozen=True, eq=False)

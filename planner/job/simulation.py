@@ -44,7 +44,7 @@ class JobSimulation:
         if self.tracking is None:
             return f"replayed: all {len(self.stages)} stages, within all limits of the scene"
         worst = max(np.abs(each.errors).max() for each in self._executions)
-        return f"executed: all {len(self.stages)} stages, the arm's simulated with dynamics, tracked within {worst:.1e} rad"
+        return f"executed: all {len(self.stages)} stages, simulated with dynamics, tracked within {worst:.1e} rad"
 
     @property
     def tracking(self) -> Tracking | None:
@@ -59,7 +59,7 @@ class JobSimulation:
 
     @property
     def _executions(self) -> list[Any]:
-        """What was executed of the arm."""
+        """The executions of the arm."""
         return [each.execution for stage, each in self.stages if stage.arm is None and each.execution is not None]
 
     def summary(self) -> dict[str, Any]:

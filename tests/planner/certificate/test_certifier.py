@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import math
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial import ConvexHull
 
 from hdplan.planner.build import build
-from hdplan.planner.certificate import collision_proof
+from hdplan.planner.certificate import collision_proof, intervals, solids
 from hdplan.planner.certificate.certifier import Certifier, certify, check_configuration
 from hdplan.planner.certificate.exact_proximity import Piece, best_direction, link_pieces, mesh_pieces, obstacle_pieces
 from hdplan.planner.certificate.verdict import Certificate, Status
@@ -205,6 +207,18 @@ def test_every_contact_found_is_one(tmp_path: Path) -> None:
         env, own = sampled(robot, obstacles, path.at(place.parameter))
         either = {frozenset(pair): value for pair, value in {**env, **own}.items()}
         assert either[frozenset((place.link, place.other))] <= 1e-6
+
+
+def test_what_is_known_of_a_body_goes_with_it() -> None:
+    """A robot that is loaded again and again leaves nothing behind but what its cache keeps."""
+    robot = load_robot(RobotSpec("ur5"))
+    chain, bodies = Chain.of(robot.model), solids.link_bodies.__wrapped__(robot)  # type: ignore[attr-defined]
+    about = [intervals._around(chain, body) for body in bodies]
+    assert about == [body.around(chain) for body in bodies]
+    left = [weakref.ref(each) for each in (chain, *bodies)]
+    del chain, bodies
+    gc.collect()
+    assert [each() for each in left] == [None] * len(left)
 
 
 def test_long_motions_bounded_in_few_parts_first_have_the_same_verdict(

@@ -239,7 +239,7 @@ def test_an_arm_whose_replanner_fails_comes_to_rest_as_proven(
     with hdplan.Replanner(scene, clock=arm.time, executor=AtOnce()) as replanner:
         steps, step = list[hdplan.Command](), replanner.step
         replanner.step = lambda t: steps.append(step(t)) or steps[-1]  # type: ignore[method-assign, func-returns-value]
-        with pytest.raises((RuntimeError, InputError), match="no camera|dq: joint"):
+        with pytest.raises((RuntimeError, InputError), match=r"no camera|dq: joint"):
             control.Loop(arm).replan(replanner, 10.0, see)
     last = steps[-1]
     assert last.mode.value == "moving"

@@ -56,7 +56,7 @@ def test_a_stage_that_meets_something_fails_by_its_name(scene: Scene, planned: J
 
 @pytest.mark.parametrize("off", [1e-3, 0.3])
 def test_a_plant_executes_the_arm_in_every_stage(scene: Scene, planned: JobResult, off: float) -> None:
-    """Its greatest error over all stages is the job's, and contact in any of them is a failure; fingers have no plant."""
+    """Its greatest error in any stage is the job's, and contact in any of them a failure; fingers have no plant."""
 
     def plant(setup: Setup, curve: Curve) -> Execution:
         times = np.arange(curve.times[0], curve.times[-1], STEP)

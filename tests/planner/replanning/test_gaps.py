@@ -32,9 +32,7 @@ def test_links_that_are_not_measured_are_farther_than_the_closest() -> None:
         found, cube, place = judge.distance(q, [box], 0.5), coal.Box(0.2, 0.2, 0.2), coal.Transform3s(turn, at)
         meshes = [judge.items.geometryObjects[i].geometry for i in judge.moving]
         places = [coal.Transform3s(judge.places.oMg[i]) for i in judge.moving]
-        each = np.array(
-            [worlds.measured(*link, cube, place).min_distance for link in zip(meshes, places, strict=True)]
-        )
+        each = np.array([worlds.measured(*link, cube, place).min_distance for link in zip(meshes, places, strict=True)])
         bounds = [worlds.apart(judge.hulls[i], at, cube, place) for i, at in zip(judge.moving, places, strict=True)]
         assert (bounds <= np.maximum(each, 0.0) + 1e-9).all()
         touching += each.min() <= 0.0
