@@ -113,17 +113,16 @@ def main() -> None:
     for name in options.scenes or sorted(every):
         try:
             one = shown(name, every[name])
+            one.page.save(options.folder / f"{name}.html")
+            size = len(one.page.html.encode())
+            print(f"{name}: {size / 1e6:.2f} MB, {one.words}", flush=True)
+            good = one.certified and size <= LARGEST
+            if good:
+                photograph(program, one.page, DOCS / "gallery" / f"{name}.png")
         except HdplanError as error:
             print(f"{name}: {error}", file=sys.stderr, flush=True)
-            all_good = False
-            continue
-        one.page.save(options.folder / f"{name}.html")
-        size = len(one.page.html.encode())
-        print(f"{name}: {size / 1e6:.2f} MB, {one.words}", flush=True)
-        if one.certified and size <= LARGEST:
-            photograph(program, one.page, DOCS / "gallery" / f"{name}.png")
-        else:
-            all_good = False
+            good = False
+        all_good &= good
     if all_good and not options.scenes:
         (DOCS / "gallery.md").write_text(gallery(sorted(every)), encoding="utf-8")
     sys.exit(not all_good)
