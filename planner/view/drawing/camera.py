@@ -60,7 +60,7 @@ class Boxes:
 
     @property
     def _first(self) -> Rows:
-        """Where the boxes of each obstacle begin (o,)."""
+        """The rows at which the boxes of each obstacle begin (o,)."""
         return np.cumsum(self.count) - self.count
 
     def lowest(self) -> Array:

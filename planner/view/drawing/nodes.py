@@ -185,8 +185,8 @@ class ObstacleNode:
             self.mesh.on_click(modifier=held)(lambda _: chosen(self.obstacle.name, True))
 
     def let_through(self, through: bool) -> None:
-        """Let the mouse through to what is behind it, or be clicked on: browsers give a press to the first body that
-        takes clicks, also where a handle is drawn over it."""
+        """Let the mouse through to what is behind it, or take clicks again: browsers give a press to the first body
+        that takes clicks, also where a handle is drawn over it."""
         if self._chosen is not None and through != self._through:
             self._through = through
             if through:

@@ -14,6 +14,7 @@ from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.cloud_pieces import moving_pieces, standing_pieces
 from hdplan.planner.certificate.exact_proximity import Piece, hull_piece, link_pieces
 from hdplan.planner.certificate.part_distance import closest_parts, distance
+from hdplan.planner.certificate.solids import obstacle_bodies
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.loading import load_robot
@@ -200,6 +201,16 @@ def test_the_distance_to_balls_is_that_of_the_closest_one(seed: int) -> None:
             found.append(value)
         assert min(found) <= truth + 1e-9
         assert min(found) == pytest.approx(truth, abs=1e-5)
+
+
+def test_the_pieces_of_a_cloud_are_made_once_wherever_it_stands() -> None:
+    """Whoever drags something in a scene with a large cloud waits for nothing that stays as it was."""
+    points = np.random.default_rng(0).uniform(-0.3, 0.3, (400, 3))
+    here, there = (
+        obstacle_bodies(Obstacle("seen", Cloud(points.copy(), radius=0.01), Pose((x, 0.0, 0.0)))) for x in (0.0, 1.0)
+    )
+    assert [body.piece for body in here] == [body.piece for body in there]
+    assert all(abs(b.placement[0, 3] - a.placement[0, 3] - 1.0) < 1e-12 for a, b in zip(here, there, strict=True))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 500])

@@ -260,13 +260,12 @@ def test_a_goal_pose_keeps_its_tolerance_and_has_other_postures(served: Served) 
     page.mouse.up()
     until(lambda: not viewer.panel.handles.dragging, "it is not let go")
     calm(viewer)
-    target = viewer.edited.target
-    assert dataclasses.replace(target, pose=scene.goal.targets[0].pose) == scene.goal.targets[0]
-    q = viewer.edited.goal
     tab_of(page, "Joints")
+    before = viewer.edited
+    assert dataclasses.replace(before.target, pose=scene.goal.targets[0].pose) == scene.goal.targets[0]
     press(page, "another")
-    until(lambda: bool(np.abs(viewer.edited.goal - q).max() > 0.1), "there is no other posture")
-    assert viewer.edited.target == target
+    until(lambda: bool(np.abs(viewer.edited.goal - before.goal).max() > 0.1), "there is no other posture")
+    assert viewer.edited.target == before.target
 
 
 def test_a_tab_is_closed_while_plan_runs(served: Served, tab: Tabs, scene: Scene) -> None:

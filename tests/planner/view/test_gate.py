@@ -57,6 +57,16 @@ def answered(viewer: Viewer, path: str, **headers: str) -> int:
     return status
 
 
+def test_the_page_is_not_packed_once_more(viewer: Viewer) -> None:
+    """It is packed already: that took longer than it saved, before every first picture."""
+    connection = http.client.HTTPConnection("127.0.0.1", viewer.port, timeout=PATIENCE)
+    connection.request("GET", viewer.gate.paths[False], headers={"Accept-Encoding": "gzip, deflate"})
+    answer = connection.getresponse()
+    assert (answer.status, answer.headers["Content-Encoding"]) == (200, "identity")
+    assert answer.read().startswith(b"<!doctype html>")
+    connection.close()
+
+
 def opened(viewer: Viewer, path: str, **headers: str) -> ClientConnection:
     """A browser's connection, through which it would see and change everything."""
     return connect(

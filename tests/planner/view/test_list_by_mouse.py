@@ -16,18 +16,22 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
 from tests.planner.view.in_browser import (
     Tabs,
     address,
     arrow_dragged,
+    by_worker,
     calm,
     plainly,
     press,
     selected,
     tab_of,
 )
-from tests.planner.view.in_page import look, seen
+from tests.planner.view.in_page import handled, look, seen
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
@@ -75,6 +79,55 @@ def test_two_points_are_measured(tab: Tabs, viewer: Viewer) -> None:
     np.testing.assert_allclose(np.linalg.norm(np.array(measuring.points) - middle, axis=1), radius, rtol=0.02)
     page.get_by_text(f"{1e3 * np.linalg.norm(way):.1f} mm apart").first.wait_for()
     assert viewer.panel.handles.selected is None
+
+
+def test_a_handle_behind_another_body_is_gripped(tab: Tabs, viewer: Viewer) -> None:
+    """Browsers give a press to the first body that takes clicks."""
+    middle = place_of(viewer.edited, BALL, viewer.stage.tip).matrix[:3, 3]
+    before = Pose(tuple((0.7 * middle + 0.3 * np.array(EYE)).tolist()))
+    wall = Obstacle("wall", Box((0.5, 0.5, 0.02)), before)
+    by_worker(viewer, lambda: viewer.document.change(viewer.edited.changed(obstacles=(*viewer.scene.obstacles, wall))))
+    page = tab(address(viewer))
+    look(page, viewer, EYE, TARGET)
+    by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
+    handled(page, viewer)
+    arrow_dragged(page, viewer, place_of(viewer.edited, BALL, viewer.stage.tip).matrix, np.array([0.05, 0.0, 0.0]), 2)
+    page.mouse.up()
+    until(lambda: place_of(viewer.edited, BALL, viewer.stage.tip).matrix[0, 3] > middle[0] + 0.02, "it is not moved")
+    assert viewer.scene.obstacles[names(viewer).index("wall")].pose == before
+
+
+@pytest.mark.parametrize("by", ["mouse", "keyboard"])
+def test_obstacles_are_hidden_locked_duplicated_and_deleted(tab: Tabs, viewer: Viewer, by: str) -> None:
+    page = tab(address(viewer))
+    tab_of(page, "Scene")
+
+    def use(word: str) -> None:
+        """A click, or the tab key's focus and enter; the list is written anew with each."""
+        link = line(page, "ball").get_by_role("button", name=word, exact=True).first
+        if by == "mouse":
+            link.dispatch_event("click")
+        else:
+            link.press("Enter")
+
+    for word, back, names_of in (
+        ("hide", "show", viewer.panel.tree.hidden),
+        ("lock", "unlock", viewer.document.locked),
+    ):
+        use(word)
+        until(lambda names_of=names_of: "ball" in names_of, f"it does not {word}")
+        use(back)
+        until(lambda names_of=names_of: "ball" not in names_of, f"it does not {back}")
+    line(page, "ball").dispatch_event("click")
+    until(lambda: viewer.panel.handles.selected == BALL, "a click does not select")
+    page.keyboard.press("Control+d")
+    until(lambda: "ball2" in names(viewer), "it is not duplicated")
+    if by == "keyboard":
+        page.keyboard.press("Delete")
+    else:
+        line(page, "ball2").get_by_text("✕").dispatch_event("click")
+    until(lambda: "ball2" not in names(viewer), "it is not deleted")
+    assert "ball" in names(viewer)
 
 
 def test_a_chosen_motion_stays_while_another_is_planned_live(tab: Tabs, viewer: Viewer) -> None:
