@@ -62,7 +62,7 @@ class Held:
         return self.rows[0][at], self.rows[1][at], self.rows[2][at]
 
     def rest(self, row: int) -> Rows:
-        """Return what is left of it from a row on: at least the one at which it then stands."""
+        """Return the rest from a row, at least the row at which the robot stands."""
         begin = min(max(row - self.first, 0), len(self.rows[0]) - 1)
         return self.rows[0][begin:], self.rows[1][begin:], self.rows[2][begin:]
 

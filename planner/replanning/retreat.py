@@ -96,7 +96,7 @@ def _law(seconds: float, farthest: float, limits: Mapping[str, Array], h: float)
 
 
 def _sum(one: Array, other: Array) -> Array:
-    """Return the sum of rows, the last of which hold from there on."""
+    """Return the sum of rows; after its end, each keeps its last row."""
     count = max(len(one), len(other))
     longer = (np.concatenate([each, np.repeat(each[-1:], count - len(each), axis=0)]) for each in (one, other))
     return np.asarray(sum(longer))
