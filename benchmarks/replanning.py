@@ -145,16 +145,18 @@ TRUSTING, EMPTY = Senses(off=None), Senses(empty=True)
 PRESENT = Senses(off=0.0, every=PERIOD, after=(0.0, 0.0), lag=0.0, latency=0.0, settling=0.0, computes=False)
 
 
-def cause(command: hdplan.Command, room: float, due: float) -> str:
+def cause(command: hdplan.Command, room: float, at_goal: float, due: float) -> str:
     """Return what kept a step from proving a motion, by the words of its command; `room` [m] is left around the robot,
-    and `due` for a motion that ends at once."""
+    `at_goal` around a robot at its goal, and `due` for a motion that ends at once."""
     if not command.why:
         return {"moving": "proven", "arrived": "at its goal"}.get(command.mode.value, "waits")
+    if command.why.startswith("the step took"):
+        return "late"
+    if at_goal < due:
+        return "goal within reach of others"
     if command.why.startswith("too close"):
         return "shut in" if room < due else "way is not free"
-    if "goal: in collision" in command.why:
-        return "goal is taken"
-    return "late" if command.why.startswith("the step took") else "no way"
+    return "no way"
 
 
 def run(seed: int, seconds: float, senses: Senses) -> dict[str, Any]:
@@ -207,8 +209,11 @@ def run(seed: int, seconds: float, senses: Senses) -> dict[str, Any]:
             coming.append((t + took + senses.latency, found))
             next_step = max(next_step, t + took)
             due = SPEED * (t - seen_at + senses.latency + 2.0 * PERIOD + senses.settling) + (senses.off or 0.0)
-            near = gaps.below(world.there(t), due) if gaps.at is not None and found.why else due
-            causes[cause(found, near, due)] += 1
+            near = at_goal = due
+            if gaps.at is not None and found.why:
+                near = gaps.below(world.there(t), due)
+                at_goal = judge.distance(goals[reached % len(goals)], world.there(t), due, floor=False)
+            causes[cause(found, near, at_goal, due)] += 1
             if found.mode.value == "arrived":
                 reached += 1
                 first = min(first, t)

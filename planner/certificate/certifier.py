@@ -61,7 +61,6 @@ if TYPE_CHECKING:
 
 
 ENDS_KEEP = 0.75  # share of the clearance at start or goal that is required where it is below planner.clearance
-SLIGHTLY = 1e-6  # [rad or m] by which joints move where a slope is measured
 NEAR_PAIR = 0.15  # [m] within which the closest pair is searched for first
 
 
@@ -356,14 +355,6 @@ class Certifier:
     def hull_gap(self, q: ArrayLike, within: float, time: float = 0.0) -> float:
         """Return a lower bound of the distance to obstacles at one configuration and time [s], at most `within` [m]."""
         return self.sweep.hull_gap(self._configuration(q), within, time)
-
-    def room(self, q: ArrayLike, time: float, within: float) -> tuple[Array, Array]:
-        """Return how far links are from obstacles that may move, less what is unknown at a time [s], at one
-        configuration q (n,): of each pair (i,) with less than `within` [m], by their hulls, negative where nothing can
-        be proven; and how it grows with the joints (i, n) [m/rad or m/m]."""
-        q = joint_numbers("q", q, self.robot.joint_names)
-        rows = np.concatenate([q[None], q + SLIGHTLY * np.eye(len(q))])
-        return self.sweep.room(np.array([self.robot.expand(row) for row in rows]), time, within, SLIGHTLY)
 
     def nearest(self, q: ArrayLike, within: float = np.inf, time: float = 0.0) -> tuple[Place | None, Place | None]:
         """Return the closest places at one configuration and time [s], with exact distances: to an obstacle, and

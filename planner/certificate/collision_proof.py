@@ -89,16 +89,6 @@ class Sweep:
         curve = Curve.through(np.concatenate([rows, rows[-1:]]), np.full(len(rows) + 1, time))
         return _Run(self, curve, np.zeros(len(self.pairs.a))).are_clear(floor)
 
-    def room(self, rows: Array, time: float, within: float, step: float) -> tuple[Array, Array]:
-        """Return how far bodies are from obstacles that may move (i,) [m], less what is unknown at a time [s], at the
-        first of rows (1 + n, m), where that is less than `within`; and the slopes (i, n) to the others, a `step` away.
-
-        The direction in which two bodies are closest may stay as it is, since the distance is the greatest gap of all
-        directions.
-        """
-        curve = Curve.through(np.concatenate([rows, rows[-1:]]), np.full(len(rows) + 1, time))
-        return _Run(self, curve, np.zeros(len(self.pairs.a))).room(within, step)
-
     def nearest(self, q: Array, within: float = np.inf, time: float = 0.0) -> tuple[Spot | None, Spot | None]:
         """Return the closest pair of each group at one configuration q (n,) and time [s], exactly: by the surfaces, not
         their hulls.
@@ -298,24 +288,6 @@ class _Run:
                 values[i] = self._surface(nodes, node, int(items.pair[i]), max(kept[i], 0.0) + less[i])
                 clear[node] = not close(values)[i]
         return clear
-
-    def room(self, within: float, step: float) -> tuple[Array, Array]:
-        """Return distances (i,) at the first waypoint, less what is unknown, and slopes (i, n) to all others but the
-        last."""
-        count = len(self.curve) - 2
-        movers = np.flatnonzero((self.pairs.group == 0) & self.bodies.free[self.pairs.b])
-        nodes, items = self._at_waypoints(np.zeros(1, dtype=np.int64)), Items.all(1, movers)
-        bound, _ = self.bounds.by_ball(nodes, items)
-        items = items[bound <= within + ROUNDING]
-        if not len(items):
-            return np.zeros(0), np.zeros((0, count))
-        values, _, _, normals = self._exact(nodes, items)
-        less = self.bounds.unknown(nodes, items)
-        near = values - less < within
-        items, values, less = items[near], values[near], less[near]
-        nodes, beside = self._at_waypoints(np.arange(1, count + 1)), Items.all(count, items.pair)
-        gaps, *_ = self.bounds.by_plane(nodes, beside, np.tile(normals[near], (count, 1)))
-        return values - less, (gaps.reshape(count, -1) - values).T / step
 
     def hull_gap_at_start(self, within: float) -> float:
         """Return the least distance of hulls to obstacles at the first waypoint, at most `within`."""

@@ -19,7 +19,6 @@ class Mode(Enum):
     """The state of a robot that a replanner moves."""
 
     MOVING = "moving"  # a motion was proven in this step
-    RETREATING = "retreating"  # from what would shut it in; then it goes on by another way
     BRAKING = "braking"  # none was: the robot brakes as proven before
     STANDING = "standing"  # and has come to rest
     ARRIVED = "arrived"  # at its goal

@@ -61,11 +61,6 @@ class Held:
         at = min(max(row - self.first, 0), len(self.rows[0]) - 1)
         return self.rows[0][at], self.rows[1][at], self.rows[2][at]
 
-    def rest(self, row: int) -> Rows:
-        """Return what is left of it from a row on: at least the one at which it then stands."""
-        begin = min(max(row - self.first, 0), len(self.rows[0]) - 1)
-        return self.rows[0][begin:], self.rows[1][begin:], self.rows[2][begin:]
-
     def at(self, t: float) -> tuple[Array, Array, Array]:
         """Return position, velocity and acceleration (n,) at a time [s]."""
         begins, ends = self.grid.time(self.first), self.grid.time(self.last)

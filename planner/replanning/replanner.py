@@ -34,9 +34,8 @@ from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.replanning.command import Command, Mode
 from hdplan.planner.replanning.failsafe import FailsafeMotions
 from hdplan.planner.replanning.held import Grid, Held
-from hdplan.planner.replanning.nominal import Course, Rows
+from hdplan.planner.replanning.nominal import Course, Nominal, Rows
 from hdplan.planner.replanning.picture import Picture, Sightings
-from hdplan.planner.replanning.retreat import Retreats
 from hdplan.planner.replanning.ways import Ways
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
@@ -60,7 +59,6 @@ FIRST_HORIZON = 0.5  # [s] until one was measured
 FORGETS = 0.95  # share of the horizon that is kept from one step to the next, as motions near an end are short
 LATEST = 1e10  # [s] on any clock: later, times are no longer apart
 SHARE = 0.8  # of a period, for the proofs of a step
-RETREATS_UNTIL = 0.5  # of a period: later there is hardly time for one
 
 
 class Measured(NamedTuple):
@@ -138,7 +136,6 @@ class Replanner:
         self._lags = tracking(scene, self.robot)
         self._speeds = setup.limits["velocity"] + tracking(scene, self.robot, "velocity")
         self._motions = FailsafeMotions(setup.limits, self._grid.h, ROWS + 1)
-        self._retreats = Retreats(setup.limits, self._grid.h)
         self._held = Held.standing(self._grid, 0, start)
         self._course: Course | None = None
         self._ways = Ways(self.robot, executor)
@@ -260,8 +257,6 @@ class Replanner:
             if not why:
                 self._course = self._ways.hear(t, self._held, self._course, row)
                 moves, why = self._go_on(picture, row, t, began)
-                if why and self._retreat(picture, row, t, began):
-                    moves, why = True, ""
             if not self._off:
                 self._ask(row, moves)
             return self._command(t, why, time.perf_counter() - began)
@@ -323,7 +318,7 @@ class Replanner:
                         self._course = course
                         self._ways.taken()
                     return False, ""
-                certificate = self._proof(picture, row, motion.rows, course.nominal.required, began)
+                certificate = self._proof(picture, row, motion.rows, course.nominal, began)
                 stands = self._grid.time(row + len(motion.law) - 1) + self._settling
                 self._horizon = max(stands - picture.at, FORGETS * self._horizon)
                 if isinstance(certificate, str) or not certificate.certified:
@@ -338,31 +333,14 @@ class Replanner:
                 return True, ""
         return False, why or "no motion along the way keeps the limits"
 
-    def _retreat(self, picture: Picture, row: int, t: float, began: float) -> bool:
-        """Prove a motion from a row of the clock on that leaves what would shut the robot in, and hold it. Return
-        whether one was."""
-        if self._time(t, began) > t + RETREATS_UNTIL * self._period:
-            return False
-        for rows in self._retreats.of(picture.certifier, self._held.rest(row), self._horizon):
-            certificate = self._proof(picture, row, rows, self._scene.planner.clearance, began)
-            if isinstance(certificate, str) or not certificate.certified:
-                continue
-            if not self._time(t, began) <= t + self._period:
-                return False
-            self._held, self._course = self._held.joined(row, rows), None
-            self._clearance, self._proven_at, self._hopeful = certificate.clearance, picture.at, True
-            self._ways.forget(reaches=True)
-            return True
-        return False
-
-    def _proof(self, picture: Picture, row: int, rows: Rows, required: float, began: float) -> Certificate | str:
+    def _proof(self, picture: Picture, row: int, rows: Rows, nominal: Nominal, began: float) -> Certificate | str:
         """Return the certificate of a motion that begins at a row, or why there was no time for it."""
         left = None if self._clock is not None else SHARE * self._period - (time.perf_counter() - began)
         if left is not None and left <= 0.0:
             return "the step took longer than its period"
         try:
             with time_limit(left):
-                return picture.prove(rows, self._grid.time(row), self._grid.h, self._settling, required)
+                return picture.prove(rows, self._grid.time(row), self._grid.h, self._settling, nominal.required)
         except HdplanError as error:
             return str(error)
 
@@ -373,7 +351,7 @@ class Replanner:
     def _command(self, t: float, why: str, seconds: float) -> Command:
         position, velocity, acceleration = self._held.at(t)
         stands = t >= self._grid.time(self._held.last)
-        mode = Mode.MOVING if self._course is not None else Mode.RETREATING
+        mode = Mode.MOVING
         if stands:
             mode = Mode.ARRIVED if self._ways.arrives(self._course) else Mode.STANDING
         if mode is Mode.MOVING and why:
