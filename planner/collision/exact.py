@@ -97,9 +97,7 @@ class ExactPairs(PairDistance):
         """Return D (S,) [m], its wrench (S, 6) and D again, for S pairs at samples; beyond `far` some number above it."""
         return self.up_to(self.far, kinematics, sample, pair)
 
-    def up_to(
-        self, far: float, kinematics: KinematicsBatch, sample: Rows, pair: Rows
-    ) -> tuple[Array, Array, Array]:
+    def up_to(self, far: float, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return the same up to another distance [m]: the smaller, the sooner the search for it ends."""
         loops = library()
         if loops is None:
