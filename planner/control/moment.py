@@ -107,7 +107,7 @@ class Moment(NamedTuple):
         return BarrierRows(value, gradient, self._drift(sample, pair, wrench), separation)
 
     def by_joints(self, sample: Rows, pair: Rows, wrench: Array) -> Array:
-        """Return the derivatives (S, m) by the model's joints that wrenches (S, 6) on the first bodies come to."""
+        """Return the derivatives (S, m) of wrenches (S, 6) on the first bodies by the joints of the model."""
         columns, moves = self.kinematics.columns, self.layout.moves
         if loops := library():
             rows, gradient = (

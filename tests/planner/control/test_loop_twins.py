@@ -91,7 +91,7 @@ def test_straightened(gamma: int) -> None:
 
 
 def same(found: Lows, twin: Lows) -> None:
-    """Equal lows in any order; samples may differ where a pair is equally low."""
+    """Check equal lows in any order; samples may differ where a pair is equally low."""
     one, other = np.argsort(found.pair), np.argsort(twin.pair)
     np.testing.assert_array_equal(found.pair[one], twin.pair[other])
     np.testing.assert_allclose(found.over[one], twin.over[other], rtol=0, atol=1e-9)
@@ -102,7 +102,7 @@ def same(found: Lows, twin: Lows) -> None:
 
 
 def every_low(controller: Controller, path: Array, floors: Floors) -> tuple[Lows, ...]:
-    """Those near their floors, those inside their margins whatever their floors, and those of hulls."""
+    """The lows near their floors, of pairs inside their margins, and of hulls."""
     sight, some, inside = controller.sight, np.array([0, 3, 4, 19]), floors.inside
     at = controller.barriers.at(path, np.linspace(0.0, 1.0, len(path)))
     among = floors._replace(next=np.zeros_like(floors.next), lower=0.01)
