@@ -94,12 +94,11 @@ class ExactPairs(PairDistance):
         return FclPairs(self.pairs, parts, solids)
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
-        """Return D (S,) [m], its wrench (S, 6) and D again, for S pairs at samples; beyond `far` some number above it."""
+        """Return D (S,) [m], its wrench (S, 6) and D again, for S pairs at samples; some number above `far`
+        where D is above it."""
         return self.up_to(self.far, kinematics, sample, pair)
 
-    def up_to(
-        self, far: float, kinematics: KinematicsBatch, sample: Rows, pair: Rows
-    ) -> tuple[Array, Array, Array]:
+    def up_to(self, far: float, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return the same up to another distance [m]: the smaller, the sooner the search for it ends."""
         loops = library()
         if loops is None:
@@ -157,6 +156,7 @@ def _whole(body: ConvexBody) -> ConvexBody:
     return ConvexBody.from_points(body.vertices, body.radius)
 
 
+@functools.lru_cache(maxsize=1024)  # a controller sees the same boxes again and again
 def _swept(shape: Shape | ConvexBody) -> Swept:
     if isinstance(shape, ConvexBody):
         return Swept(shape.vertices, ball=shape.radius)

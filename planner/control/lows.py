@@ -1,4 +1,4 @@
-"""Where the distances of pairs are lowest on a way, below their floors: what the look-ahead examines.
+"""The lowest distances of pairs on a way, below their floors: what the look-ahead examines.
 
 Inside a margin the HD-SDF's shaping is inverted (`barrier_safety.straightened`), as it gives no direction on its flat
 spot. The loop in C looks at every row once and keeps one for each pair, where NumPy makes arrays of all of them, in a
@@ -45,7 +45,7 @@ class Shaping(NamedTuple):
 
 
 class Floors(NamedTuple):
-    """What is asked of P pairs."""
+    """The floors of P pairs, and which rows count."""
 
     values: Array  # (P,) [m]
     next: Rows  # (P,) 1 for pairs of which only the first sample counts, else 0

@@ -107,11 +107,14 @@ class Moment(NamedTuple):
         return BarrierRows(value, gradient, self._drift(sample, pair, wrench), separation)
 
     def by_joints(self, sample: Rows, pair: Rows, wrench: Array) -> Array:
-        """Return the derivatives (S, m) by the model's joints that wrenches (S, 6) on the first bodies come to."""
+        """Return the derivatives (S, m) of wrenches (S, 6) on the first bodies by the joints of the model."""
         columns, moves = self.kinematics.columns, self.layout.moves
         if loops := library():
-            gradient = np.empty((len(pair), moves.shape[1]))
-            loops.by_joints(columns, moves, *(np.ascontiguousarray(each, np.int64) for each in (sample, pair)), wrench, gradient)
+            rows, gradient = (
+                (np.ascontiguousarray(each) for each in (sample, pair)),
+                np.empty((len(pair), len(moves.T))),
+            )
+            loops.by_joints(columns, moves, *rows, wrench, gradient)
             return gradient
         return np.asarray(np.einsum("sni,si->sn", columns[sample], wrench) * moves[pair])
 

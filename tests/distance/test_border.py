@@ -24,6 +24,10 @@ from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.build import build
 from hdplan.planner.certificate.followed_curve import PoseCurve
 from hdplan.planner.collision import separation_loop
+from hdplan.planner.control.barrier_settings import BarrierSettings
+from hdplan.planner.control.controller import Controller
+from hdplan.planner.control.settings import ControlSettings
+from hdplan.planner.control.tasks import standing
 from hdplan.planner.geometry.cells_loop import cell_boxes
 from hdplan.planner.job import layers_loop
 from hdplan.planner.plan import plan
@@ -61,6 +65,7 @@ OPTIONAL = {
     "penalties": {"weight"},
     "term": {"solids"},
     "gravity_hinge": {"weight"},
+    "barrier": {"solids"},
 }
 FREE = {
     "tables": {("planes", 0)},
@@ -79,6 +84,10 @@ FREE = {
     "grow_trees": {("targets", 0)},
     "gather_cells": {("balls", 0)},
     "extend_cells": {("points", 0)},
+    "braked": {("found", 0)},
+    "by_joints": {("columns", 0), ("moves", 0)},
+    "lows_near": {("placements", 0), ("placements", 1), ("inside", 0)},
+    "lows_among": {("placements", 0), ("placements", 1), ("inside", 0), ("at", 0)},
 }
 
 
@@ -119,6 +128,10 @@ def run_scenes() -> None:
     followed = Follow("panda_hand", [Pose((0.1 * i, 0.0, 0.5)) for i in range(4)])
     curve = PoseCurve.of(problem.robot, followed)
     curve.places(curve.rotations, curve.origins, 0.0, 3.0)
+    exact = ControlSettings(BarrierSettings("euclidean", growth=0.0, self_growth=0.0), 0.01, 0.005)
+    for controller in (Controller.of(load_scene("panda_cage"), settings) for settings in (ControlSettings(), exact)):
+        for q in problem.robot.draw(np.random.default_rng(0), 4):
+            controller.step(q, standing(q))
 
 
 @pytest.fixture(scope="module")

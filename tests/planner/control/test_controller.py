@@ -678,7 +678,7 @@ def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
         run = simulate(controller, q, standing(robot.draw(rng, 1)[0], gain=4.0), 0.5)
 
         def nearness(q: Array, inside: NDArray[np.int64] = inside) -> Array:
-            return controller.barriers.nearness(q[None], np.zeros(1), np.zeros_like(inside), inside).value
+            return controller.barriers.at(q[None], np.zeros(1)).nearness(np.zeros_like(inside), inside).value
 
         near = nearness(q)
         for configuration in run.positions[::5]:

@@ -64,7 +64,7 @@ def test_no_pair_nearer_than_the_horizon_is_overlooked(distance: str, spec: Robo
     left = 0
     for q in robot.draw(rng, 10):
         time, horizon = rng.uniform(0.0, 2.0), float(rng.choice([0.01, 0.1, 0.25, 0.5]))
-        seen = barriers.within(q[None], np.array([time]), horizon)
+        seen = barriers.at(q[None], np.array([time])).within(horizon)
         separation = barriers.evaluate(q, time).separation
         beyond = np.setdiff1d(np.arange(len(barriers.names)), seen)
         assert (separation[beyond] >= horizon - 1e-9).all()
@@ -72,7 +72,7 @@ def test_no_pair_nearer_than_the_horizon_is_overlooked(distance: str, spec: Robo
         np.testing.assert_array_equal(seen, np.unique(seen))
         left += len(beyond)
     assert left
-    assert len(barriers.within(robot.draw(rng, 1), np.zeros(1), np.inf)) == len(barriers.names)
+    assert len(barriers.at(robot.draw(rng, 1), np.zeros(1)).within(np.inf)) == len(barriers.names)
 
 
 def test_what_lies_beyond_the_horizon_changes_no_command() -> None:
