@@ -94,6 +94,7 @@ class Step:
     slack: float  # least Δ − δ there [m]; inf without pairs
     closest: int  # the pair with the least slack, a row of Barriers.names; −1 without pairs
     gave: tuple[int, ...]  # the pairs whose barrier the command does not meet, rows of Barriers.names
+    overlapping: tuple[int, ...]  # the pairs whose hulls overlap on the way on which the robot brakes, rows of the same
     proven: float | None
     """A lower bound of the true clearance from moving links to obstacles, over the whole period [m]; None: no proof.
     """
@@ -246,6 +247,7 @@ class Controller:
             float(slacks[closest]) if len(slacks) else np.inf,
             int(seen.pairs[closest]) if len(slacks) else -1,
             gave,
+            tuple(np.flatnonzero(seen.near < 0.0).tolist()),
             self._proven(velocity, seen, kept),
             distances,
             perf_counter() - began - distances,

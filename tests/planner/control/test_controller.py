@@ -540,8 +540,10 @@ def test_a_robot_on_the_flat_spot_moves_on(starts: int, robot: Robot) -> None:
 @pytest.mark.parametrize(
     ("sides", "where", "turn", "q"),
     [
-        ((0.12, 0.06, 0.05), (-0.16, -0.28, 0.24), (-0.31, 0.21, 0.75, 0.55), (-1.74, 1.56, -0.78, -2.76, 0.75, 3.48, -0.35)),
-        ((0.24, 0.28, 0.08), (-0.48, -0.15, 0.26), (-0.17, -0.27, 0.95, -0.02), (0.48, -1.62, 1.23, -1.36, 1.89, 1.99, 1.82)),
+        ((0.12, 0.06, 0.05), (-0.16, -0.28, 0.24), (-0.31, 0.21, 0.75, 0.55),
+         (-1.74, 1.56, -0.78, -2.76, 0.75, 3.48, -0.35)),
+        ((0.24, 0.28, 0.08), (-0.48, -0.15, 0.26), (-0.17, -0.27, 0.95, -0.02),
+         (0.48, -1.62, 1.23, -1.36, 1.89, 1.99, 1.82)),
     ],
 )  # fmt: skip
 def test_links_deep_in_a_box_come_out(sides: Array, where: Array, turn: Array, q: Array, robot: Robot) -> None:
@@ -554,8 +556,10 @@ def test_links_deep_in_a_box_come_out(sides: Array, where: Array, turn: Array, q
     def distances(q: Array) -> Array:
         return controller.barriers.nearness(q[None], np.zeros(1), 0 * outer, outer).value
 
+    first = controller.step(np.array(q), standing(np.array(q)))
     run = simulate(controller, np.array(q), standing(np.array(q)), 1.9, until_met=False)
     along = np.array([distances(row) for row in run.positions[::5]])
+    assert first.overlapping == tuple(np.flatnonzero(along[0] < 0.0).tolist())
     assert along[0].min() < -0.07
     assert (along[:, along[0] >= 0.0] >= -1e-9).all()
     assert along[-1].min() > 0.0
