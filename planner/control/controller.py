@@ -19,7 +19,7 @@ If not all constraints can be met, the command is chosen by these priorities (`q
 
 1. The limits of velocity, acceleration and jerk; no joint comes to rest further beyond a limit; and for static
    obstacles and self pairs, no Δ_k falls below δ_k, or below what it is already bound to be. Braking satisfies all of
-   this, so it is feasible.
+   this, so it is feasible. Links that overlap with obstacles are exempt where nothing moves (`sight`).
 2. Moving obstacles: their barriers are violated as little as possible, least where contact is nearest.
 3. Pairs inside their margins and joints beyond their limits recover as the constraints above demand, or as fast as they
    can.
