@@ -393,7 +393,7 @@ def test_where_not_all_can_be_met_the_command_is_the_best(robot: Robot) -> None:
         assert step.mode in (Mode.GIVING_WAY, Mode.STOPPED)
         assert step.closest in step.gave
         gave, outer = np.array(step.gave), np.arange(controller.barriers.obstacle_pairs)
-        exact = controller.barriers.nearness(np.array([READY]), np.zeros(1), 0 * outer, outer)
+        exact = controller.barriers.at(np.array([READY]), np.zeros(1)).nearness(0 * outer, outer)
         overlap, coming_out = exact.value < 0.0, exact.gradient @ step.velocity
         assert overlap.sum() == 8
         assert (step.rows.gradient @ step.velocity)[gave[~overlap[gave]]].min() >= -1e-6
@@ -554,7 +554,7 @@ def test_links_deep_in_a_box_come_out(sides: Array, where: Array, turn: Array, q
     outer = np.arange(controller.barriers.obstacle_pairs)
 
     def distances(q: Array) -> Array:
-        return controller.barriers.nearness(q[None], np.zeros(1), 0 * outer, outer).value
+        return controller.barriers.at(q[None], np.zeros(1)).nearness(0 * outer, outer).value
 
     first = controller.step(np.array(q), standing(np.array(q)))
     run = simulate(controller, np.array(q), standing(np.array(q)), 1.9, until_met=False)
