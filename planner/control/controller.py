@@ -19,7 +19,7 @@ If not all constraints can be met, the command is chosen by these priorities (`q
 
 1. The limits of velocity, acceleration and jerk; no joint comes to rest further beyond a limit; and for static
    obstacles and self pairs, no Δ_k falls below δ_k, or below what it is already bound to be. Braking satisfies all of
-   this, so it is feasible.
+   this, so it is feasible. Links that overlap with obstacles are exempt where nothing moves (`sight`).
 2. Moving obstacles: their barriers are violated as little as possible, least where contact is nearest.
 3. Pairs inside their margins and joints beyond their limits recover as the constraints above demand, or as fast as they
    can.
@@ -94,6 +94,7 @@ class Step:
     slack: float  # least Δ − δ there [m]; inf without pairs
     closest: int  # the pair with the least slack, a row of Barriers.names; −1 without pairs
     gave: tuple[int, ...]  # the pairs whose barrier the command does not meet, rows of Barriers.names
+    overlapping: tuple[int, ...]  # the pairs whose hulls overlap on the way on which the robot brakes, rows of the same
     proven: float | None
     """A lower bound of the true clearance from moving links to obstacles, over the whole period [m]; None: no proof.
     """
@@ -246,6 +247,7 @@ class Controller:
             float(slacks[closest]) if len(slacks) else np.inf,
             int(seen.pairs[closest]) if len(slacks) else -1,
             gave,
+            tuple(np.flatnonzero(seen.near < 0.0).tolist()),
             self._proven(velocity, seen, kept),
             distances,
             perf_counter() - began - distances,

@@ -33,15 +33,16 @@ class Asked(NamedTuple):
     rows: BarrierRows  # their distances and derivatives
     slack: Array  # (m,) Δ − δ [m]
     rates: Array  # (m,) η of each [1/s]
+    free: Mask  # (m,) which may fall: pairs with what moves, and those that overlap (`sight`)
 
 
 def pair_constraints(asked: Asked, gains: Array, base: Array, coming: Mask) -> SoftConstraints:
     """Return rows for the velocity, by `gains` w (n,) and `base` u_b (n,); coming (m,): pairs with what moves, which
-    may be violated, with a weight that grows as they come closer. The others at least get no worse than by braking."""
+    have a weight that grows as they come closer. Those that are not free at least get no worse than by braking."""
     matrix = asked.rows.gradient * gains
     begun = matrix @ base
     target = begun - asked.rates * asked.slack - asked.rows.drift
-    floor = np.where(coming, -np.inf, np.minimum(target, begun))
+    floor = np.where(asked.free, -np.inf, np.minimum(target, begun))
     urgency = NEAR_MOVING / np.maximum(asked.rows.separation, NEAR_MOVING)
     return SoftConstraints(matrix, target, floor, np.where(coming, COMING * urgency, RECOVERING))
 

@@ -73,21 +73,26 @@ class Sight:
             inside = pairs[np.minimum(here.value, rest.value) < self.margins[pairs]]
         near = moment.nearness(np.full(len(inside), last), inside)
         known = inside[: len(near.value)]
-        straight = self._straight(rest, pairs, inside)
+        straight, floors = self._straight(rest, pairs, inside), self._floors(window, time, inside)
+        free = barriers.coming | np.isneginf(floors[0])
         asked = [
-            Asked(pairs, straight, straight.value - self.margins[pairs], self._rates(rest, pairs)),
-            Asked(known, near, np.maximum(near.value - NEAR_DISTANCE, 0.0), np.full(len(known), rate)),
+            Asked(pairs, straight, straight.value - self.margins[pairs], self._rates(rest, pairs), free[pairs]),
+            Asked(known, near, np.maximum(near.value - NEAR_DISTANCE, 0.0), np.full(len(known), rate), free[known]),
         ]
         coming = np.flatnonzero(barriers.coming[pairs])
         if last and len(coming):
             of = pairs[coming]
             rows = self._straight(here.part(coming), of, inside)
-            asked.append(Asked(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding)))
-        return Seen(pairs, here, tuple(asked), *self._floors(window, time, inside), inside)
+            asked.append(Asked(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding), free[of]))
+        return Seen(pairs, here, tuple(asked), *floors, inside)
 
     def _floors(self, window: Window, time: float, inside: Rows) -> tuple[Array, Array]:
         """Return the floors of Δ and of the exact distances (P,) [m]: of pairs that are inside their margins the least
-        on the way to rest if the robot brakes, at most δ and NEAR_DISTANCE."""
+        on the way to rest if the robot brakes, at most δ and NEAR_DISTANCE.
+
+        Pairs that overlap with an obstacle have none: the way out of one may lead deeper into another one, and with
+        floors two that lead against each other would hold the robot for ever. In a world where something moves they
+        have: it could push links in as deep as it likes."""
         floors, nearest = self.margins.copy(), np.full(self.barriers.count, NEAR_DISTANCE)
         if not len(inside):
             return floors, nearest
@@ -97,6 +102,10 @@ class Sight:
         near = lows_of_hulls(moment, self.closely(path), inside, Floors(nearest, every, inside, 0.0))
         floors[low.pair] += low.over
         nearest[near.pair] += near.over
+        if not self.barriers.coming.any():
+            deep = np.flatnonzero(nearest[: self.barriers.obstacle_pairs] < 0.0)
+            deep = deep[moment.nearness(np.zeros(len(deep), np.int64), deep).value < 0.0]
+            floors[deep] = nearest[deep] = -np.inf
         return floors, nearest
 
     def closely(self, path: Array) -> Rows:

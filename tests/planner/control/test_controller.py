@@ -383,7 +383,8 @@ def test_commands_are_the_best_that_the_barriers_allow(robot: Robot) -> None:
 
 
 def test_where_not_all_can_be_met_the_command_is_the_best(robot: Robot) -> None:
-    """A box around the wrist: what cannot come back to its margin does not fall, and the step says which."""
+    """A box around the wrist: what cannot come back to its margin does not fall, links that overlap it come out as a
+    whole, and the step says which."""
     tight = Obstacle("tight", Box((0.6, 0.6, 0.6)), Pose((0.3, 0.0, 0.5)))
     for look_ahead in (True, False):
         settings = ControlSettings(look_ahead=look_ahead)
@@ -391,7 +392,12 @@ def test_where_not_all_can_be_met_the_command_is_the_best(robot: Robot) -> None:
         step = controller.step(np.array(READY), standing(np.zeros(7) + READY))
         assert step.mode in (Mode.GIVING_WAY, Mode.STOPPED)
         assert step.closest in step.gave
-        assert (step.rows.gradient @ step.velocity)[list(step.gave)].min() >= -1e-6
+        gave, outer = np.array(step.gave), np.arange(controller.barriers.obstacle_pairs)
+        exact = controller.barriers.at(np.array([READY]), np.zeros(1)).nearness(0 * outer, outer)
+        overlap, coming_out = exact.value < 0.0, exact.gradient @ step.velocity
+        assert overlap.sum() == 8
+        assert (step.rows.gradient @ step.velocity)[gave[~overlap[gave]]].min() >= -1e-6
+        assert (exact.value * coming_out)[overlap].sum() < -1e-3  # half the sum of the squared depths falls
         assert step.slack < 0.0
         assert step.proven is None
 
@@ -529,6 +535,34 @@ def test_a_robot_on_the_flat_spot_moves_on(starts: int, robot: Robot) -> None:
             if goal is free[0]:
                 assert run.slacks[-1] >= 0.0
         done += 1
+
+
+@pytest.mark.parametrize(
+    ("sides", "where", "turn", "q"),
+    [
+        ((0.12, 0.06, 0.05), (-0.16, -0.28, 0.24), (-0.31, 0.21, 0.75, 0.55),
+         (-1.74, 1.56, -0.78, -2.76, 0.75, 3.48, -0.35)),
+        ((0.24, 0.28, 0.08), (-0.48, -0.15, 0.26), (-0.17, -0.27, 0.95, -0.02),
+         (0.48, -1.62, 1.23, -1.36, 1.89, 1.99, 1.82)),
+    ],
+)  # fmt: skip
+def test_links_deep_in_a_box_come_out(sides: Array, where: Array, turn: Array, q: Array, robot: Robot) -> None:
+    """Of two links in a box, 75 and 87 mm deep, the way out of one leads deeper into it for the other: both come out,
+    and no other link touches it meanwhile."""
+    deep = Obstacle("deep", Box(sides), Pose(where, tuple((np.array(turn) / np.linalg.norm(turn)).tolist())))
+    controller = Controller.of(scene_of(deep), ControlSettings(period=0.01), robot)
+    outer = np.arange(controller.barriers.obstacle_pairs)
+
+    def distances(q: Array) -> Array:
+        return controller.barriers.at(q[None], np.zeros(1)).nearness(0 * outer, outer).value
+
+    first = controller.step(np.array(q), standing(np.array(q)))
+    run = simulate(controller, np.array(q), standing(np.array(q)), 1.9, until_met=False)
+    along = np.array([distances(row) for row in run.positions[::5]])
+    assert first.overlapping == tuple(np.flatnonzero(along[0] < 0.0).tolist())
+    assert along[0].min() < -0.07
+    assert (along[:, along[0] >= 0.0] >= -1e-9).all()
+    assert along[-1].min() > 0.0
 
 
 def test_a_joint_beyond_its_limit_comes_back_as_fast_as_it_may(robot: Robot) -> None:
