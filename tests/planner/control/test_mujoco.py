@@ -238,11 +238,12 @@ def test_an_arm_whose_replanner_fails_comes_to_rest_as_proven(
 
     with hdplan.Replanner(scene, clock=arm.time, executor=AtOnce()) as replanner:
         steps, step = list[hdplan.Command](), replanner.step
-        replanner.step = lambda t: steps.append(step(t)) or steps[-1]  # type: ignore[method-assign, func-returns-value]
+        replanner.step = lambda t: steps.append(step(t)) or steps[-1]  # type: ignore[method-assign]
         with pytest.raises((RuntimeError, InputError), match=r"no camera|dq: joint"):
             control.Loop(arm).replan(replanner, 10.0, see)
     last = steps[-1]
     assert last.mode.value == "moving"
+    assert last.motion.duration is not None
     assert arm.now >= last.time + last.motion.duration
     assert not arm.stopped
     np.testing.assert_allclose(arm.q, last.motion.positions[-1], atol=1e-9)

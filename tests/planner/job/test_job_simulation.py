@@ -59,6 +59,7 @@ def test_a_plant_executes_the_arm_in_every_stage(scene: Scene, planned: JobResul
     """Its greatest error in any stage is the job's, and contact in any of them a failure; fingers have no plant."""
 
     def plant(setup: Setup, curve: Curve) -> Execution:
+        assert curve.times is not None
         times = np.arange(curve.times[0], curve.times[-1], STEP)
         errors = np.zeros((len(times), setup.robot.n))
         errors[:, 3] = off * (times > times.mean())
