@@ -89,10 +89,15 @@ class Barriers:
         self.standing = stands & proven  # (P,) of which `Moment.within` is proven
         first = np.cumsum([0, *(len(level.pairs) for level in levels)]).tolist()
         self._layout = Layout(
-            *(robot, kinematics.nj, tuple(zip(first, levels, strict=False))),
+            robot,
+            kinematics.nj,
+            tuple(zip(first, levels, strict=False)),
             np.concatenate([np.empty((0, kinematics.n)), *(level.pairs.moves for level in levels)]),
             np.concatenate([np.empty(0, np.int64), *(level.pairs.joint_b for level in levels)]),
-            *(len(outer), self.standing, proven, bool(self.hulls)),
+            len(outer),
+            self.standing,
+            proven,
+            bool(self.hulls),
         )
         self._directions = others.directions
         self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # most vertices of a link's body

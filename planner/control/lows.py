@@ -132,8 +132,9 @@ class _Found:
         self._floors = floors.values, bent, floors.next, self._inside, floors.lower
         self._parts: list[Lows] = []
 
-    def look(self, loop: Callable[..., int], barrier: Record, *given: Any) -> None:
+    def look(self, loop: Callable[..., int], barrier: Record | None, *given: Any) -> None:
         """Add what a loop finds of the pairs of a barrier."""
+        assert barrier is not None
         room = FIRST_ROOM
         while True:
             over, wrench = np.empty(room), np.empty((room, 6))
