@@ -80,5 +80,5 @@ def test_a_body_before_the_handle_lets_the_mouse_through(opened: Opener, scene: 
     every = clicked()
     assert every == {each.name for each in viewer.scene.obstacles}
     for thing, through in ((Thing("obstacle", ball.name), {ball.name, "wall"}), (None, set())):
-        viewer.worker.ask("select", lambda thing=thing: viewer.panel.handles.select(thing))  # type: ignore[misc]
+        viewer.worker.ask("select", lambda thing=thing: viewer.panel.handles.select(thing))
         assert every - clicked() == through
