@@ -48,7 +48,7 @@ def test_references_go_on_while_a_step_computes_and_commands_that_come_too_late_
     """One step in forty is done in time, and its command comes when its motion has left the one before."""
     tracking = hdplan.Tracking(1e-3)
     spec = dataclasses.replace(hdplan.load_scene("planar_arm").robot, tracking=tracking)
-    scene, passed = limited("planar_arm", robot=spec, start=[-0.8, 0.0], goal=[1.0, 0.4]), 0
+    scene, passed = limited("planar_arm", robot=spec, start=[-0.8, 0.0], goal=[1.0, 0.4], obstacles=()), 0
     arm = Clocked(("shoulder", "elbow"), np.array([-0.8, 0.0]))
     with hdplan.Replanner(scene, clock=lambda: arm.now, executor=AtOnce()) as replanner:
         step, count = replanner.step, 0
