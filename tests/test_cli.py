@@ -250,10 +250,14 @@ def test_ros_files_are_checked_simulated_and_drawn_as_ours_are(hdplan: Command, 
 def test_simulate_needs_times_where_the_scene_asks_for_them(hdplan: Command, tmp_path: Path) -> None:
     assert hdplan("plan", "planar_arm", "--quiet", "-o", "path.csv").code == 0
     assert hdplan("simulate", "planar_arm", "path.csv").code == 0
-    done = hdplan("simulate", arm_scene(tmp_path, timing={"duration": 2.0}), "path.csv")
-    assert (done.code, done.out) == (2, "")
-    assert done.err.startswith("hdplan: path.csv: times: missing; ")
-    assert len(done.err.splitlines()) == 1
+    for given in (
+        (arm_scene(tmp_path, timing={"duration": 2.0}), "path.csv"),
+        ("planar_arm", "path.csv", "--plant", "mujoco"),
+    ):
+        done = hdplan("simulate", *given)
+        assert (done.code, done.out) == (2, "")
+        assert done.err.startswith("hdplan: path.csv: times: missing; ")
+        assert len(done.err.splitlines()) == 1
 
 
 def test_codegen_says_what_it_wrote_and_replaces_nothing(hdplan: Command, tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ def run_simulate(
     setup = Setup.of(problem)
     arm = setup.robot
     with naming(trajectory):
-        fitting(setup, motion)
+        fitting(setup, motion, body)
     with waiting("simulating", shown=not as_json):
         simulation = replay(setup, motion, body)
         if plot is not None:

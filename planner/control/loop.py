@@ -7,6 +7,7 @@ An arm that is farther off than it may be is stopped: what was proven says nothi
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,9 @@ from hdplan.scenes.sizes import Tracking
 from hdplan.scenes.values import Number, checked, functions, instance
 
 DIGITS = 3  # of measured errors, rounded up
+WAITS = 0.25  # of a period of the arm, for which a step is awaited before the reference is sent without it
+SAME = 1e-6  # [rad] or [m] between two commands at one time, from rounding
+LOOKS = 1e-4  # [s] between two looks at the arm's clock meanwhile
 
 Reference = Callable[[float], tuple[Array, Array] | None]
 """Positions and velocities (2, n), now and one period from now; None: it is over."""
@@ -139,34 +143,65 @@ class Loop:
             ours, theirs = ", ".join(self.arm.joint_names), ", ".join(replanner.robot.joint_names)
             raise InputError(f"replanner: plans {theirs}; the arm has {ours}")
         began, period, due = self.arm.time(), self.arm.period, 0.0
+        if replanner.latency < period:
+            raise InputError(
+                f"replanner: latency: must be at least the period of the arm, {period:g} s, found "
+                f"{replanner.latency:g} s: a command is sent that much later than it is made"
+            )
         commands: list[Command] = []
         failed: list[Exception] = []
+        asked: Future[Command] | None = None
 
         def reference(t: float) -> tuple[Array, Array] | None:
-            nonlocal due
+            nonlocal due, asked
             now = began + t
             over = bool(failed) or (bool(commands) and (t >= seconds or commands[-1].mode is Mode.ARRIVED))
-            if over and now >= commands[-1].time + (commands[-1].motion.duration or 0.0):
+            if over and asked is None and now >= commands[-1].time + (commands[-1].motion.duration or 0.0):
                 return None
-            if not over and t >= due - 0.5 * period:
-                try:
+            try:
+                if asked is None and not over and t >= due - 0.5 * period:
                     if see is not None:
                         see(now)
                     if commands:
                         replanner.state(*self.arm.state(), at=now)
-                    commands.append(replanner.step(now))
-                except Exception as error:
-                    if not commands:
-                        raise
-                    failed.append(error)  # what is held is proven until the arm stands
-                due += replanner.period
+                    asked, due = beside.submit(replanner.step, now), max(due + replanner.period, t)
+                if asked is not None and self._awaited(asked, now + WAITS * period if commands else np.inf):
+                    step, asked = asked, None
+                    command = step.result()
+                    if not commands or self._joins(commands[-1], command, now, replanner.lags):
+                        commands.append(command)
+            except Exception as error:
+                if not commands:
+                    raise
+                failed.append(error)  # what is held is proven until the arm stands
             found = commands[-1].at(now + np.array([0.0, period]))
             return found.positions, found.velocities
 
-        done = self._run(reference, commands)
+        with ThreadPoolExecutor(1, thread_name_prefix="hdplan-step") as beside:
+            done = self._run(reference, commands)
         if failed:
             raise failed[0]
         return done
+
+    def _awaited(self, asked: Future[Command], until: float) -> bool:
+        """Return whether a step is done, once it is, or once the arm's clock comes to a time: a simulated one stands
+        still until then, and a real arm needs its next reference."""
+        while not asked.done() and self.arm.time() < until:
+            wait([asked], LOOKS)
+        return asked.done()
+
+    def _joins(self, old: Command, new: Command, now: float, lags: Array) -> bool:
+        """Return whether the arm may go over to a new command: where both are the same, or both stand, and the arm is
+        as near to the new one as to the old one, or within its lags (n,). A command that comes so late that its motion
+        has left the old one is passed over: the arm brakes along the old one, and the replanner, which then measures
+        that it is off, goes on from where it stands."""
+        one, other = old.at(now), new.at(now)
+        if np.abs(one.positions - other.positions).max() <= SAME:
+            return True
+        if one.velocities.any() or other.velocities.any():
+            return False
+        q = self.arm.state()[0]
+        return bool((np.abs(other.positions - q) <= np.maximum(np.abs(one.positions - q), lags)).all())
 
     def _run(self, reference: Reference, commands: Sequence[Command] = ()) -> Executed:
         """Send references until they end, or until the arm is too far off; whatever goes wrong, the arm is stopped."""

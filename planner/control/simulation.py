@@ -8,7 +8,7 @@ controller would, a thousand times a second by its own interpolation rule. With 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -106,7 +106,7 @@ class Simulation:
         """The verdict in one line."""
         if self.failures:
             return f"failed: {'; '.join(self.failures)}"
-        as_said = f"; in the nominal world, without {', '.join(self.unknown)}" if self.unknown else ""
+        as_said = nominal(self.unknown)
         if self.execution is None:
             return f"replayed: kinematics only, within all limits of the scene{as_said}"
         worst = max(joint.error or 0.0 for joint in self.joints)
@@ -147,15 +147,25 @@ class Simulation:
         }
 
 
-def fitting(setup: Setup, trajectory: Trajectory) -> Curve:
+def nominal(unknown: Sequence[str]) -> str:
+    """Return the remark of a verdict that leaves out these fields of a scene."""
+    return f"; in the nominal world, without {', '.join(unknown)}" if unknown else ""
+
+
+def fitting(setup: Setup, trajectory: Trajectory, plant: Plant | None = None) -> Curve:
     """Return the trajectory's curve, with the robot's joints in their order.
 
     Raises:
-        InputError: its joints do not match the robot's, or it has no times and the scene needs them.
+        InputError: its joints do not match the robot's; it has no times, and the scene or a plant needs them; it takes
+            longer than LONGEST_MOTION, or its times are so large that steps are lost in rounding.
     """
     curve = curve_of(setup.robot, trajectory)
-    if setup.scene.timed and curve.times is None:
+    if curve.times is not None:
+        _check_steps(curve.times)
+    elif setup.scene.timed:
         raise InputError("times: missing; the scene needs them (timing, limits)")
+    elif plant is not None:
+        raise InputError("times: missing; a body with masses (--plant) needs them")
     return curve
 
 
@@ -176,15 +186,9 @@ def replay(setup: Setup, trajectory: Trajectory, plant: Plant | None = None) -> 
     """Replay a trajectory of the scene's robot, executed by a plant if there is one.
 
     Raises:
-        InputError: as `fitting`; loads or limits of the scene that do not match the robot; a motion that takes longer
-            than LONGEST_MOTION, or at times so large that steps are lost in rounding; a path without times, for a
-            plant.
+        InputError: as `fitting`; loads or limits of the scene that do not match the robot.
     """
-    robot, curve = setup.robot, fitting(setup, trajectory)
-    if plant is not None and curve.times is None:
-        raise InputError("times: missing; a body with masses (--plant) needs them")
-    if curve.times is not None:
-        _check_steps(curve.times)
+    robot, curve = setup.robot, fitting(setup, trajectory, plant)
     timed = curve.times is not None
     limits, certifier = setup.limits, Certifier(setup)
     torques = limits.get("torque")

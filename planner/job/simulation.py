@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from hdplan.planner.control.loop import measured_tracking
-from hdplan.planner.control.simulation import Plant, Simulation, replay
+from hdplan.planner.control.simulation import Plant, Simulation, nominal, replay
 from hdplan.planner.job.certify import StageCertificate, certify_job
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import naming
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, unknown_in
 from hdplan.scenes.sizes import Tracking
 
 
@@ -27,6 +27,7 @@ class JobSimulation:
 
     stages: tuple[tuple[StageCertificate, Simulation], ...]  # as far as the motion goes
     missing: tuple[str, ...]  # the stages that the motion does not have
+    unknown: tuple[str, ...] = ()  # fields of the job's scene that say how far it may be off, and were left out
 
     @property
     def succeeded(self) -> bool:
@@ -41,10 +42,11 @@ class JobSimulation:
                 return f"failed: stage '{stage.name}': {'; '.join(simulation.failures)}"
         if self.missing:
             return f"failed: not whole: '{self.missing[0]}' has no motion"
+        as_said = nominal(self.unknown)
         if self.tracking is None:
-            return f"replayed: all {len(self.stages)} stages, within all limits of the scene"
+            return f"replayed: all {len(self.stages)} stages, within all limits of the scene{as_said}"
         worst = max(np.abs(each.errors).max() for each in self._executions)
-        return f"executed: all {len(self.stages)} stages, simulated with dynamics, tracked within {worst:.1e} rad"
+        return f"executed: all {len(self.stages)} stages, simulated with dynamics, tracked within {worst:.1e} rad{as_said}"
 
     @property
     def tracking(self) -> Tracking | None:
@@ -89,4 +91,4 @@ def replay_job(scene: Scene, trajectory: Trajectory, plant: Plant | None = None)
         with naming(f"stage '{stage.name}'"):
             body = plant if stage.arm is None else None
             found.append((stage, replay(Setup.of(stage.scene), stage.trajectory, body)))
-    return JobSimulation(tuple(found), certificate.missing)
+    return JobSimulation(tuple(found), certificate.missing, tuple(unknown_in(scene)))

@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 from hdplan.planner.motion.samples import Samples
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.arrays import as_numbers
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import freeze
+from hdplan.scenes.values import describe
 
 
 class Mode(Enum):
@@ -52,8 +54,8 @@ class Command:
         """Return positions, velocities and accelerations at times [s] on the clock, as controllers that sample faster
         than the steps need them; after the motion's end the robot stands. Raises InputError for times before the
         command's."""
-        times = np.asarray(t, dtype=np.float64) - self.time
-        if not (times >= -1e-9).all():
-            raise InputError(f"t: must be {self.time:.6g} [s], the command's, or later")
+        given = as_numbers(t)
+        if given is None or not ((times := given - self.time) >= -1e-9).all():
+            raise InputError(f"t: must be {self.time:.6g} [s], the command's, or later, found {describe(t)}")
         assert self.motion.times is not None
         return self.motion.at_time(np.minimum(times, self.motion.times[-1]))

@@ -159,6 +159,16 @@ class Replanner:
         """[s] between two steps."""
         return float(self._period)
 
+    @property
+    def latency(self) -> float:
+        """[s] after a step until the robot executes its command."""
+        return float(self._latency)
+
+    @property
+    def lags(self) -> Array:
+        """[rad or m] by which the joints (n,) may be off a command: the scene's `robot.tracking`."""
+        return self._lags.copy()
+
     def __enter__(self) -> Replanner:
         """Return itself."""
         return self

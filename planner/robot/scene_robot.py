@@ -43,11 +43,12 @@ def load_scene_robot(scene: Scene) -> Robot:
     """
     with naming(scene.robot.source or scene.source):
         robot = _load_bare(scene)
+    lags = tracking(scene, robot) if scene.robot.tracking is not None and scene.robot.tracking.position else None
     with naming(scene.source):
         if scene.limits.position:
             robot = _narrowed(robot, tuple(scene.limits.position.items()))
-        if scene.robot.tracking is not None and scene.robot.tracking.position:
-            robot = _with_lag(robot, tuple(tracking(scene, robot).tolist()))
+        if lags is not None:
+            robot = _with_lag(robot, tuple(lags.tolist()))
         if scene.attached:
             robot = _holding(robot, tuple(with_content(held, "attached") for held in scene.attached))
     if scene.self_collision.clearance:

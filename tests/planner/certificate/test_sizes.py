@@ -226,6 +226,8 @@ def test_joints_keep_their_limits_with_what_they_may_be_off() -> None:
     assert (curve.derivative.largest() <= setup.limits["velocity"]).all()
     with pytest.raises(InputError, match=r"robot.tracking.velocity: 9 of joint 'panda_joint1' leaves nothing"):
         hdplan.plan(sized(scene, tracking=Tracking(velocity=9.0)))
+    with pytest.raises(InputError, match=r"^[^:]*panda_person[^:]*: robot.tracking.position: 2 values, but panda"):
+        hdplan.plan(sized(scene, tracking=Tracking([0.002, 0.002])))
     with pytest.raises(InputError, match=r"robot.tracking.position: 1 of joint 'a' leaves nothing") as error:
         _narrow(1.0)
     assert "\n" not in str(error.value)

@@ -216,6 +216,8 @@ def test_bad_input_is_refused_in_one_line_and_changes_nothing() -> None:
         (lambda: replanner.update(cloud=ball, at=1.0), "cloud: must be a Cloud"),
         (lambda: replanner.update(cloud="scan", at=1.0), "cloud"),
         (lambda: replanner.step(10**400), "t: must be a finite time"),
+        (lambda: before.at(nan), "t: must be .* the command's, or later, found nan"),
+        (lambda: before.at(["soon"]), "t: must be"),
         (lambda: replanner.aim([9.0, 0.0]), "goal"),
         (lambda: replanner.aim([[0.0, 0.0], [9.0, 0.0]]), r"goal\[1\]"),
         (lambda: hdplan.Replanner(scene, period=0.0), "period"),

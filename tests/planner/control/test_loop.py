@@ -1,0 +1,87 @@
+"""A loop whose steps take time on the arm's own clock: references go on meanwhile, and none jumps."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import hdplan
+from hdplan import control
+from tests.planner.replanning.driving import AtOnce, limited
+
+Floats = NDArray[np.float64]
+STEP = 0.004  # [s] of the arm that a step takes, mostly
+
+
+class Clocked:
+    """An arm that goes where it is sent, and whose clock goes on with each look at it, or stands still."""
+
+    def __init__(self, names: tuple[str, ...], at: Floats) -> None:
+        self.joint_names, self.period, self.now, self.due = names, 0.002, 0.0, 0.0
+        self.q, self.v, self.goes_on = at.copy(), np.zeros_like(at), False
+        self.stopped = False
+        self.sent: list[tuple[float, Floats, Floats]] = []
+
+    def time(self) -> float:
+        if self.goes_on:
+            self.now += 2e-4
+        return self.now
+
+    def state(self) -> tuple[Floats, Floats]:
+        return self.q, self.v
+
+    def send(self, position: Floats, velocity: Floats) -> None:
+        self.sent.append((self.now, position.copy(), velocity.copy()))
+        self.due += self.period
+        self.now = max(self.now, self.due)
+        self.q, self.v = position.copy(), velocity.copy()
+
+    def stop(self) -> None:
+        self.stopped = True
+
+
+def test_references_go_on_while_a_step_computes_and_commands_that_come_too_late_are_passed_over() -> None:
+    """One step in forty is done in time, and its command comes when its motion has left the one before."""
+    tracking = hdplan.Tracking(1e-3)
+    spec = dataclasses.replace(hdplan.load_scene("planar_arm").robot, tracking=tracking)
+    scene, passed = limited("planar_arm", robot=spec, start=[-0.8, 0.0], goal=[1.0, 0.4], obstacles=()), 0
+    arm = Clocked(("shoulder", "elbow"), np.array([-0.8, 0.0]))
+    with hdplan.Replanner(scene, clock=lambda: arm.now, executor=AtOnce()) as replanner:
+        step, count = replanner.step, 0
+
+        def slow(t: float) -> hdplan.Command:
+            nonlocal count, passed
+            count += 1
+            command, late = step(t), count % 40 == 20
+            passed += late and command.mode.value == "moving"
+            until, patience = t + (0.09 if late else STEP), time.monotonic() + 10.0
+            arm.goes_on = count > 1  # the first one is awaited
+            while arm.goes_on and arm.now < until:
+                assert time.monotonic() < patience, "the loop stands still while the step computes"
+                time.sleep(1e-4)
+            arm.goes_on = False
+            return command
+
+        replanner.step = slow  # type: ignore[method-assign]
+        done = control.Loop(arm).replan(replanner, 20.0)
+    assert not arm.stopped, done.why
+    assert done.commands[-1].mode.value == "arrived"
+    assert passed
+    assert len(done.commands) < count
+    when, where, speed = (np.array(each) for each in zip(*arm.sent, strict=True))
+    assert np.diff(when).max() < 2 * arm.period
+    assert np.abs(np.diff(where, axis=0)).max() <= 1.5 * np.abs(speed).max() * arm.period + 1e-6
+    np.testing.assert_allclose(where[-1], [1.0, 0.4], atol=2e-3)
+
+
+def test_a_command_has_to_reach_the_arm_before_its_motion_begins() -> None:
+    scene = limited("planar_arm")
+    with hdplan.Replanner(scene, latency=0.001) as replanner:
+        arm = Clocked(replanner.robot.joint_names, np.zeros(2))
+        with pytest.raises(hdplan.InputError, match=r"latency: must be at least .* the arm, 0\.002 s, found 0\.001 s"):
+            control.Loop(arm).replan(replanner, 1.0)
+    assert not arm.sent
