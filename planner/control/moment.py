@@ -103,20 +103,17 @@ class Moment(NamedTuple):
             own = np.flatnonzero((pair >= first) & (pair < first + len(level.pairs)))
             if len(own):
                 value[own], wrench[own], separation[own] = distance(self.kinematics, sample[own], pair[own] - first)
-        gradient = self.layout.robot.fold(self.by_joints(sample, pair, wrench))
-        return BarrierRows(value, gradient, self._drift(sample, pair, wrench), separation)
+        return BarrierRows(value, self.by_joints(sample, pair, wrench), self._drift(sample, pair, wrench), separation)
 
     def by_joints(self, sample: Rows, pair: Rows, wrench: Array) -> Array:
-        """Return the derivatives (S, m) of wrenches (S, 6) on the first bodies by the joints of the model."""
+        """Return the derivatives (S, n) by the configuration, of wrenches (S, 6) on the first bodies."""
         columns, moves = self.kinematics.columns, self.layout.moves
         if loops := library():
-            rows, gradient = (
-                (np.ascontiguousarray(each) for each in (sample, pair)),
-                np.empty((len(pair), len(moves.T))),
-            )
-            loops.by_joints(columns, moves, *rows, wrench, gradient)
-            return gradient
-        return np.asarray(np.einsum("sni,si->sn", columns[sample], wrench) * moves[pair])
+            gradient = np.empty((len(pair), len(moves.T)))
+            loops.by_joints(columns, moves, np.ascontiguousarray(sample), np.ascontiguousarray(pair), wrench, gradient)
+        else:
+            gradient = np.einsum("sni,si->sn", columns[sample], wrench) * moves[pair]
+        return self.layout.robot.fold(gradient)
 
     def _drift(self, sample: Rows, pair: Rows, wrench: Array) -> Array:
         """Return ∂Δ/∂t (S,) [m/s]."""
