@@ -89,8 +89,8 @@ def _inertias(model: pin.Model, robot: Robot) -> Array:
 def _forces(setup: Setup) -> Array:
     """Return the most (n,) that each drive gives [Nm] or [N]: the scene's limit, or what the robot's description says;
     inf where neither does."""
-    if (asked := setup.limits.get("torque")) is not None:
-        return asked
+    if (limit := setup.limits.get("torque")) is not None:
+        return limit
     own = np.abs(np.asarray(setup.robot.model.effortLimit, dtype=np.float64))
     return np.where((own > 0.0) & (own < 1e9), own, np.inf)
 

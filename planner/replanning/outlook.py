@@ -113,7 +113,7 @@ def _way(question: Question, margin: float) -> Nominal:
     if not found.certificate.certified:
         raise HdplanError(found.certificate.text)
     scene = derived(scene, obstacles=tuple(each.obstacle for each in known if not each.obstacle.moves))
-    required, _ = Certifier(Setup.of(scene, question.robot)).asked(curve_of(question.robot, found.trajectory))
+    required, _ = Certifier(Setup.of(scene, question.robot)).required(curve_of(question.robot, found.trajectory))
     return Nominal(found.trajectory.of_joints(question.robot.joint_names, question.robot.locked), required, margin)
 
 

@@ -131,7 +131,7 @@ class Replanner:
         _check_goal(setup)
         self.robot = setup.robot
         start = self.robot.configuration(scene.start, scene.from_request)
-        self._scene, self._clock = setup.asked, clock
+        self._scene, self._clock = setup.requested, clock
         self._grid = Grid(at, self._period / ROWS)
         self._lags = tracking(scene, self.robot)
         self._speeds = setup.limits["velocity"] + tracking(scene, self.robot, "velocity")
@@ -209,7 +209,7 @@ class Replanner:
         setup = Setup.of(scene, self.robot)
         _check_goal(setup)
         with self._steps:
-            self._scene = setup.asked
+            self._scene = setup.requested
             self._ways.forget(reaches=False)
             if not self._off and self._now > -math.inf:  # the next step may then have a way already
                 row = self._grid.after(self._now + self._period + self._latency)

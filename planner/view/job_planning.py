@@ -85,14 +85,14 @@ class JobPlanning:
 
     def _report(self) -> Callable[[Event], None]:
         """Return the receiver of the events of a plan that begins now, which shows its progress."""
-        began = said = time.monotonic()
+        began = reported = time.monotonic()
         iterations = 0
 
         def report(event: Event) -> None:
-            nonlocal said, iterations
+            nonlocal reported, iterations
             iterations += event.step is not None
-            if (now := time.monotonic()) > said + SAY_EVERY:
-                said = now
+            if (now := time.monotonic()) > reported + SAY_EVERY:
+                reported = now
                 self._say(f"planning the job, {now - began:.0f} s, {iterations} iterations …")
 
         return report
