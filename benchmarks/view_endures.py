@@ -79,13 +79,13 @@ def first(name: str, browser: Any) -> tuple[float, ...]:
         assert address is not None
         page.goto(address[0], wait_until="commit")
         page.locator(".hd-two").first.wait_for(state="attached")
-        said = time.time() - began
+        reported = time.time() - began
         page.wait_for_function("window.seen")
         drawn, to_draw = page.evaluate("window.seen") / 1e3 - began, processor(child.pid)
         page.close()
         child.terminate()  # Ctrl-C is not heard by what a shell runs in the background
         child.wait()
-    return served, said, drawn, to_serve, to_draw
+    return served, reported, drawn, to_serve, to_draw
 
 
 def firsts(names: list[str], runs: int) -> list[dict[str, str]]:

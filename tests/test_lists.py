@@ -237,7 +237,7 @@ def along(constraint: object) -> Scene:
     return with_field(load_scene("empty"), "path", with_field(PathConstraints(), "upright", constraint))
 
 
-def told_apart(path: Path) -> Iterator[tuple[str, str, bool]]:
+def distinguished(path: Path) -> Iterator[tuple[str, str, bool]]:
     """(function, family, whether everything else fails there) for all of a file that tells classes apart."""
 
     def families(node: ast.AST) -> set[str]:
@@ -288,7 +288,7 @@ def test_every_place_that_tells_classes_apart_is_known() -> None:
         (str(path.relative_to(ROOT)), function, family)
         for path in FILES
         if any(name in path.read_text(encoding="utf-8") for name in CLASSES)
-        for function, family, complete in told_apart(path)
+        for function, family, complete in distinguished(path)
         if not complete
     }
     assert found - PLACES.keys() == set(), "passes over what it does not know? end it in assert_never, or say why here"

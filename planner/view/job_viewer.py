@@ -320,7 +320,7 @@ class JobViewer(Served):
 
     # --- what the planner says ------------------------------------------------------------------------------------
 
-    def _planning_said(self, words: str) -> None:
+    def _planning_text(self, words: str) -> None:
         self.worker.ask("progress", lambda: self._say_next(words) if self.planning.running else None)
 
     def _planned(self, requested: EditedJob, found: EditedJob | None, why: str) -> None:

@@ -51,7 +51,7 @@ class Tree:
             ("lock", self._turn_group(viewer.document.locked)),
             ("delete", self._delete_group),
         ):
-            page.on(f"{what} group", self._group_asked(do_all))
+            page.on(f"{what} group", self._group_handler(do_all))
 
     @property
     def content(self) -> str:
