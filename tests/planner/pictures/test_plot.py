@@ -101,9 +101,7 @@ def test_nothing_lies_on_something_else(planned: Planned, lines: int) -> None:
             assert not ((x > box.x0) & (x < box.x1) & (y > box.y0) & (y < box.y1)).any(), curve.get_label()
 
 
-def test_what_the_planners_distance_below_zero_means_is_stated(
-    planned: Planned, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_planners_distance_below_zero_is_explained(planned: Planned, monkeypatch: pytest.MonkeyPatch) -> None:
     from hdplan.planner.pictures import panels
     from hdplan.planner.pictures.sheet import sheet
 

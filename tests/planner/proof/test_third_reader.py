@@ -487,7 +487,7 @@ def place_of(entry: dict[str, Any], time: float) -> Array:
     return homogeneous(turn, at)
 
 
-def shape_of(section: dict[str, Any], folder: Path) -> tuple[Shape, str]:
+def shape_in(section: dict[str, Any], folder: Path) -> tuple[Shape, str]:
     """A shape of a scene, meshes loaded by coal."""
     if section["type"] == "mesh":
         file, scale = (
@@ -533,7 +533,7 @@ def scene_compared(name: str, folder: Path, count: int) -> None:
     data, links = third.model.createData(), third.links()
     for body, entry in zip(held + around, top.get("attached", []) + top.get("obstacles", []), strict=True):
         assert body["name"] == entry["name"]
-        same_shape(body["shape"], *shape_of(entry["shape"], file.parent))
+        same_shape(body["shape"], *shape_in(entry["shape"], file.parent))
         pieces = [x for x in rows.world.pieces if x.name == body["name"]]
         for frames, values, time in zip(rows.frames, rows.values, rows.times, strict=True):
             if body["kind"] == "held":
