@@ -217,7 +217,7 @@ class Certifier:
             covered |= self._compared if proof.whole else set()
             covered |= ends.keys() | (path.covered if path else set())
             refuse_gaps(self._required | (ends_of(self.scene) if check_ends else set()), frozenset(covered))
-        check_as_loaded(self.robot)  # at the end: another thread may have changed it while it was looked at
+        check_as_loaded(self.robot)  # at the end: another thread may have changed it meanwhile
         found = Findings(
             curve,
             next(filter(None, ends.values()), None),

@@ -24,7 +24,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
 
-SAMPLES, SEED = 100, 0  # configurations at which inertias are looked at
+SAMPLES, SEED = 100, 0  # configurations at which inertias are compared
 LEAST = 1e-9  # [kg] and [kg m²] of a body between two joints that has no mass, which MuJoCo does not take
 NEEDED = "--plant mujoco"
 

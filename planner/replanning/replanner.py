@@ -141,7 +141,7 @@ class Replanner:
         self._ways = Ways(self.robot, executor)
         self._now = -math.inf  # of the last step
         self._off = ""  # how the robot is not where it is to be
-        self._measured: Measured | None = None  # a state that no step has looked at
+        self._measured: Measured | None = None  # a state that no step has used yet
         self._measured_at = -math.inf  # when the last one was [s]
         self._hopeful = True  # whether the last step could prove a motion
         self._clearance: float | None = None
@@ -275,7 +275,7 @@ class Replanner:
             return
         self._measured, self._off = None, ""
         expected = self._held.at(measured.at)[0]
-        q = self.robot.nearest_turn(measured.q, expected)  # an encoder may count each turn from 0 on
+        q = self.robot.nearest_turn(measured.q, expected)  # an encoder may begin each turn at 0
         away = np.abs(q - expected) - self._lags - OFF
         i = int(away.argmax())
         if away[i] <= 0.0:

@@ -40,7 +40,7 @@ def run(app: typer.Typer) -> NoReturn:
         if isinstance(stream, io.TextIOWrapper):  # names of files and obstacles hold any character
             stream.reconfigure(errors=register())
     gc.set_threshold(NEW_OBJECTS)
-    atexit.register(gc.freeze)  # at the end all memory is given back, with cycles or without
+    atexit.register(gc.freeze)  # at the end all memory is given back, cycles included
     warnings.showwarning = lambda message, *_, **__: say(f"note: {message}", "yellow")  # a line, not a source location
     try:
         with ended_by_signals():

@@ -27,7 +27,7 @@ class JobPlanning:
         why there is none; both by this thread."""
         self._say, self._done = say, done
         self._newest: Newest[EditedJob] = Newest("hdplan-plan", self._plan)
-        self._elsewhere = False  # whether one is planned by somebody else, and shown here
+        self._elsewhere = False  # whether one is planned by `follow`, and shown here
         self._stopped = threading.Event()
 
     @property

@@ -204,7 +204,7 @@ class JobViewer(Served):
         thing = self.handles.thing
         return None if thing is None else self.edited.place_of(thing)
 
-    # --- what browsers ask for: by any thread ---------------------------------------------------------------------
+    # --- requests of browsers: by any thread ------------------------------------------------------------------------
 
     def toggle(self) -> None:
         """Plan, or stop."""

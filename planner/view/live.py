@@ -43,7 +43,7 @@ class Live:
         self.switch = gui.add_checkbox("live", True, hint="during a drag, keep planning from the last motion")
         self._text = gui.add_html("")
         self._say(IDLE)
-        self._switched = False  # whether somebody used the switch
+        self._switched = False  # whether the user set the switch
         self.switch.on_update(lambda event: self.set(bool(self.switch.value)) if event.client else None)
         self._slow = 0  # plans in a row that found nothing in time
         self._shown: deque[float] = deque()  # when certified motions were shown

@@ -278,7 +278,7 @@ class Page:
         window = message.get("width")
         if isinstance(window, int | float) and math.isfinite(window):
             width = min(max(SHARE * window, NARROWEST), WIDTH)
-            if self._widths.get(client.client_id, WIDTH) != width:  # what somebody has pulled stays otherwise
+            if self._widths.get(client.client_id, WIDTH) != width:  # else a width set by the user stays
                 client.gui.main_panel.set_width(width)
                 self._widths[client.client_id] = width
 

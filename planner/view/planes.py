@@ -55,7 +55,7 @@ class PlaneLayer:
         )
         self.label = scene.add_label("/plane_label", "", visible=False, **LABELS | {"anchor": "top-center"})
         self._text = viewer.server.gui.add_html("")
-        self._of: tuple[Trajectory, Scene] | None = None  # what the proof at hand is about
+        self._of: tuple[Trajectory, Scene] | None = None  # the subject of the proof at hand
         self._proof: ReadProof | str = ""  # or why there is none
         self._thread: threading.Thread | None = None
 
