@@ -48,7 +48,7 @@ FIRST = (
     "processor time of the command until the address [s]",
     "until the robot [s]",
 )
-LONGEST, TOLD = 780.0, 100  # [s] of all drags, and after how many of them a line is written
+LONGEST, LINE_EVERY = 780.0, 100  # [s] of all drags, and after how many of them a line is written
 SHARE = 10  # the first and the last of so many parts are compared
 RUNS = 3
 ROBOT = 1500  # indices of a mesh that is one of the robot's, and not a grid or a label
@@ -137,7 +137,7 @@ def drags(count: int) -> dict[str, str]:
             seconds = dragged(viewer, thing, aim - place_of(viewer.edited, thing, viewer.stage.tip).position)
             held.append(memory())
             spent.append(seconds)
-            if len(spent) % TOLD == 0:
+            if len(spent) % LINE_EVERY == 0:
                 print(f"{len(spent)} drags: {held[-1]:.0f} MB", file=sys.stderr, flush=True)
     if not spent:
         sys.exit("ended before the first drag")

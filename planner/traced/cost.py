@@ -26,7 +26,7 @@ from hdplan.scenes.values import instance
 
 Array = Any  # NumPy's or JAX's
 
-STRUCTURE = ("waypoints", "planned joints", *("joints",) * 4, "planner.gamma")  # of a structure
+STRUCTURE = ("waypoints", "planned joints", *("joints",) * 4, "planner.gamma")  # its sizes
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=("tables",), meta_fields=("structure",))

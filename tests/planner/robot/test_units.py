@@ -13,11 +13,11 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 ARM = Path(shipped_scenes()["planar_arm"]).with_suffix(".urdf")
-ASKED = "hdplan takes"
+HINT = "hdplan takes"
 
 
 def notes_of(scene: hdplan.Scene) -> list[str]:
-    return [note for note in Setup.of(scene).notes if ASKED in note]
+    return [note for note in Setup.of(scene).notes if HINT in note]
 
 
 def test_angles_of_a_scene_beyond_a_whole_turn(tmp_path: Path) -> None:
@@ -40,8 +40,8 @@ def test_angles_of_a_robot_beyond_a_whole_turn(tmp_path: Path) -> None:
     text = ARM.read_text().replace('<origin xyz="0.25 0 0"/>', '<origin xyz="0.25 0 0" rpy="0 0 180"/>')
     (tmp_path / "arm.urdf").write_text(text)
     notes = hdplan.load_robot(hdplan.RobotSpec(urdf=tmp_path / "arm.urdf")).notes
-    assert [note.split(":")[0] for note in notes if ASKED in note] == ["link 'upper_arm'", "link 'forearm'"]
-    assert not any(ASKED in note for note in hdplan.load_robot(hdplan.RobotSpec(urdf=ARM)).notes)
+    assert [note.split(":")[0] for note in notes if HINT in note] == ["link 'upper_arm'", "link 'forearm'"]
+    assert not any(HINT in note for note in hdplan.load_robot(hdplan.RobotSpec(urdf=ARM)).notes)
 
 
 def test_joint_values_in_degrees() -> None:
