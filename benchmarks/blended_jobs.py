@@ -80,7 +80,7 @@ def legs(count: int, first: int, time_limit: float) -> None:
             print(f"| {name} | | not planned: {rested[:160]} | |", flush=True)
             continue
         shares.append(1.0 if isinstance(blended, str) else blended / rested)
-        said = f"not blended: {blended[:160]}" if isinstance(blended, str) else f"{blended:.2f}"
-        print(f"| {name} | {said} | {rested:.2f} | {shares[-1]:.3f} |", flush=True)
+        text = f"not blended: {blended[:160]}" if isinstance(blended, str) else f"{blended:.2f}"
+        print(f"| {name} | {text} | {rested:.2f} | {shares[-1]:.3f} |", flush=True)
     print(f"| **median of {len(shares)}** (least, most) | | | {statistics.median(shares):.3f} ", end="")
     print(f"({min(shares):.3f}, {max(shares):.3f}) |")

@@ -19,11 +19,11 @@ class Tally:
         """Begin, or go on with what a file has of the same seed."""
         self.seed, self.file, self.done, self.found = seed, file, 0, dict[str, Counter[str]]()
         if file is not None and file.is_file():
-            said = json.loads(file.read_text())
-            if said["seed"] != seed:
-                raise SystemExit(f"{file}: is of the seed {said['seed']}, not {seed}")
-            self.done = said["done"]
-            self.found = {kind: Counter(each) for kind, each in said["found"].items()}
+            record = json.loads(file.read_text())
+            if record["seed"] != seed:
+                raise SystemExit(f"{file}: is of the seed {record['seed']}, not {seed}")
+            self.done = record["done"]
+            self.found = {kind: Counter(each) for kind, each in record["found"].items()}
 
     def numbers(self, count: int) -> Iterator[int]:
         """Yield the numbers of the changes that are still to be made; what one brings is saved when the next begins."""

@@ -147,18 +147,26 @@ def main() -> None:
     parser.add_argument("--view", choices=("all", "cameras"), action="append")
     parser.add_argument("--points", type=int, nargs="*")
     parser.add_argument("--no-recheck", action="store_true")
-    told = parser.parse_args()
+    options = parser.parse_args()
     rows = []
-    for robot in told.robot or ["panda"]:
-        problems = real_problems(told.folder, robot, told.every, told.set)
-        for view, count in itertools.product(told.view or ["all", "cameras"], told.points or [None]):
+    for robot in options.robot or ["panda"]:
+        problems = real_problems(options.folder, robot, options.every, options.set)
+        for view, count in itertools.product(options.view or ["all", "cameras"], options.points or [None]):
             done = []
             with tempfile.TemporaryDirectory() as temporary:
                 for problem in problems:
-                    got = run(problem, view, count, not told.no_recheck, told.time_limit, Path(temporary))
+                    got = run(problem, view, count, not options.no_recheck, options.time_limit, Path(temporary))
                     done.append(got)
-                    said = " ".join(f"{key} {value:.3f}" for key, value in got.items() if isinstance(value, float))
-                    words = (problem.set, problem.number, view, got["points"], got["status"], said, got.get("recheck"))
+                    figures = " ".join(f"{key} {value:.3f}" for key, value in got.items() if isinstance(value, float))
+                    words = (
+                        problem.set,
+                        problem.number,
+                        view,
+                        got["points"],
+                        got["status"],
+                        figures,
+                        got.get("recheck"),
+                    )
                     print(*words, got["words"] if got["status"] != "certified" else "", file=sys.stderr, flush=True)
             certified = [got for got in done if got["status"] == "certified"]
             keys = ("plan", "certify", "next")
@@ -171,7 +179,7 @@ def main() -> None:
                     "points, median": f"{np.median([got['points'] for got in done]):.0f}",
                     "certified": f"{len(certified)} of {len(done)}",
                     "ends in contact": sum(got["status"] == "refused" for got in done),
-                    "refuted": "–" if told.no_recheck else sum("refuted" in got["recheck"] for got in certified),
+                    "refuted": "–" if options.no_recheck else sum("refuted" in got["recheck"] for got in certified),
                     "read + build + solve, median / 95 % [ms]": _spread(times["plan"]),
                     "certificate, median / 95 % [ms]": _spread(times["certify"]),
                     "next cloud, median / 95 % [ms]": _spread(times["next"]),

@@ -224,11 +224,11 @@ def main() -> None:
     options = parser.parse_args()
     set_clock(options)
     numbers = range(options.first, options.first + options.requests)
-    asked = [(kind, number) for kind in options.kinds for number in numbers]
+    tasks = [(kind, number) for kind in options.kinds for number in numbers]
     known = {(outcome.kind, outcome.number): outcome for outcome in read(options.csv, Outcome)}
 
     def planned() -> Iterator[Outcome]:
-        for kind, number in asked:
+        for kind, number in tasks:
             if (kind, number) not in known:
                 yield run(kind, number, options.limit, options.dense)
 

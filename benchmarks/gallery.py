@@ -82,7 +82,7 @@ def photograph(program: str, page: HtmlPage, file: Path) -> None:
     """Draw the scene of a page into a small file."""
     with Browser(program, page, WINDOW) as browser:
         browser.run("document.querySelector('aside').style.display = 'none', page.resize()")
-        moment = f"said.timeline.begin + {MOMENT} * (said.timeline.end - said.timeline.begin)"
+        moment = f"data.timeline.begin + {MOMENT} * (data.timeline.end - data.timeline.begin)"
         browser.run(f"page.now = {moment}, page.resize(), page.paint()")
         picture = Image.open(io.BytesIO(browser.photograph())).convert("RGB")
     small = picture.resize(PICTURE, Image.Resampling.LANCZOS)

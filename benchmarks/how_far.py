@@ -49,8 +49,8 @@ def problems(group: str, folder: Path, place: Path) -> Iterator[Problem]:
         for i in spread(len(found), MANY[group]):
             yield f"{found[i].set} {found[i].number}", *files(found[i])
     else:
-        for number, said in narrow.scenes(folder.absolute().parent / "opof", group, NARROW_EVERY, 0):
-            (place / narrow.SCENE).write_text(yaml.safe_dump(said, sort_keys=False))
+        for number, scene in narrow.scenes(folder.absolute().parent / "opof", group, NARROW_EVERY, 0):
+            (place / narrow.SCENE).write_text(yaml.safe_dump(scene, sort_keys=False))
             yield number, place / narrow.SCENE, None
 
 
@@ -101,11 +101,11 @@ def lacking(found: dict[str, dict[str, str]]) -> str:
     """Text: what is not accepted whole, one line for each reason, numbers left out."""
     reasons = Counter[str]()
     for group, each in found.items():
-        for name, said in each.items():
-            kind = said.partition(":")[0]
+        for name, text in each.items():
+            kind = text.partition(":")[0]
             if kind in KINDS[1:]:
                 what = f"{name}: " if group == "shipped" else ""
-                reasons[f"{group}, {what}{re.sub(r'-?[0-9]+[.0-9e-]*', '…', said)}"] += 1
+                reasons[f"{group}, {what}{re.sub(r'-?[0-9]+[.0-9e-]*', '…', text)}"] += 1
     return "\n".join(f"* {reason} ({count})" for reason, count in sorted(reasons.items()))
 
 

@@ -56,17 +56,17 @@ def robot_of(name: str, fetch: Path | None) -> hdplan.RobotSpec:
     return hdplan.RobotSpec(urdf=urdf, srdf=srdf, package_dirs=[str(fetch)], group=[f"{x}_joint" for x in ARM.split()])
 
 
-def poses_of(folder: Path, said: dict[str, Any], robot: hdplan.Robot) -> list[hdplan.Pose]:
+def poses_of(folder: Path, problem_data: dict[str, Any], robot: hdplan.Robot) -> list[hdplan.Pose]:
     """Return the poses of a problem in the world."""
-    with (folder / "paths" / f"{said['path_name']}.csv").open(encoding="utf-8") as file:
+    with (folder / "paths" / f"{problem_data['path_name']}.csv").open(encoding="utf-8") as file:
         rows = np.array([[float(x) for x in row[1:]] for row in list(csv.reader(file))[1:]])
     frame = np.eye(4)
-    if said["path_offset_frame"] != "world":
+    if problem_data["path_offset_frame"] != "world":
         data, model = robot.model.createData(), robot.model
         pin.framesForwardKinematics(model, data, robot.pin_q(np.zeros(robot.n)))
-        frame = data.oMf[model.getFrameId(said["path_offset_frame"])].homogeneous.copy()
+        frame = data.oMf[model.getFrameId(problem_data["path_offset_frame"])].homogeneous.copy()
     offset = np.eye(4)
-    offset[:3, :3], offset[:3, 3] = said["path_R_offset"], said["path_xyz_offset"]
+    offset[:3, :3], offset[:3, 3] = problem_data["path_R_offset"], problem_data["path_xyz_offset"]
     found = []
     for x, y, z, qw, qx, qy, qz in rows:
         pose = np.eye(4)
@@ -76,12 +76,12 @@ def poses_of(folder: Path, said: dict[str, Any], robot: hdplan.Robot) -> list[hd
     return [found[0], *(pose for last, pose in itertools.pairwise(found) if pose != last)]
 
 
-def boxes_of(said: dict[str, Any]) -> list[hdplan.Box]:
+def boxes_of(problem_data: dict[str, Any]) -> list[hdplan.Box]:
     """Return the obstacles of a problem."""
     boxes: list[hdplan.Box] = []
-    for pairs in said.get("obstacles") or ():
+    for pairs in problem_data.get("obstacles") or ():
         each = {name: value for pair in pairs for name, value in pair.items()}
-        place = np.array([each[axis] for axis in "xyz"]) + said["obstacle_xyz_offset"]
+        place = np.array([each[axis] for axis in "xyz"]) + problem_data["obstacle_xyz_offset"]
         pose = hdplan.Pose.from_rpy(place, [each[angle] for angle in ("roll", "pitch", "yaw")])
         boxes.append(hdplan.Box([each[f"size_{axis}"] for axis in "xyz"], name=f"box{len(boxes)}", pose=pose))
     return boxes
@@ -89,18 +89,18 @@ def boxes_of(said: dict[str, Any]) -> list[hdplan.Box]:
 
 def scene_of(folder: Path, file: Path, fetch: Path | None) -> hdplan.Scene:
     """Return a problem as a job: to its first pose, and along the others."""
-    said = yaml.safe_load(file.read_text(encoding="utf-8"))
-    spec, link = robot_of(said["robot"], fetch), LINKS[said["robot"]]
+    problem_data = yaml.safe_load(file.read_text(encoding="utf-8"))
+    spec, link = robot_of(problem_data["robot"], fetch), LINKS[problem_data["robot"]]
     robot = hdplan.load_robot(spec)
-    poses = poses_of(folder, said, robot)
+    poses = poses_of(folder, problem_data, robot)
     job = hdplan.Job([
         hdplan.Move(hdplan.PoseTarget(link, poses[0], 0.1 * FAR, 0.1 * ANGLE), name="to the path"),
         hdplan.Along(poses, link=link, position_tolerance=FAR, orientation_tolerance=ANGLE, name="along it"),
     ])  # fmt: skip
-    more: dict[str, Any] = {"robot": spec, "obstacles": boxes_of(said)}
+    more: dict[str, Any] = {"robot": spec, "obstacles": boxes_of(problem_data)}
     rng = np.random.default_rng(0)
     low, high = np.maximum(robot.inner, -np.pi)[0], np.minimum(robot.inner, np.pi)[1]
-    for start in [*STARTS[said["robot"]], *(tuple(rng.uniform(low, high).tolist()) for _ in range(100))]:
+    for start in [*STARTS[problem_data["robot"]], *(tuple(rng.uniform(low, high).tolist()) for _ in range(100))]:
         standing = hdplan.Scene(**more, start=start, goal=start)
         if not hdplan.check_configuration(standing, robot, start):
             break
@@ -169,15 +169,15 @@ if __name__ == "__main__":
     parser.add_argument("--count", type=int, default=200, help="of random jobs")
     parser.add_argument("--first", type=int, default=0, help="the number of the first")
     add_processor_time(parser)
-    asked = parser.parse_args()
-    set_clock(asked)
-    if asked.what == "legs":
-        legs(asked.count, asked.first, asked.time_limit)
-    elif asked.folder is None:
+    options = parser.parse_args()
+    set_clock(options)
+    if options.what == "legs":
+        legs(options.count, options.first, options.time_limit)
+    elif options.folder is None:
         parser.error("DIR: is missing")
-    elif asked.what == "pilz":
-        pilz(asked.folder, asked.prbt, asked.only, asked.time_limit)
-    elif asked.what == "picks":
-        picks(asked.folder, asked.count, asked.first, asked.time_limit)
+    elif options.what == "pilz":
+        pilz(options.folder, options.prbt, options.only, options.time_limit)
+    elif options.what == "picks":
+        picks(options.folder, options.count, options.first, options.time_limit)
     else:
-        cppflow(asked.folder, asked.fetch, asked.only, asked.time_limit)
+        cppflow(options.folder, options.fetch, options.only, options.time_limit)

@@ -156,9 +156,9 @@ class Files:
         if status in (Status.OUTSIDE_LIMITS, Status.WRONG_ENDS):
             return f"not judged: {certificate.text}"
         for words, place in (("from every obstacle", certificate.worst), ("from one another", certificate.self_worst)):
-            said = re.search(rf"at least ([\d.]+) mm {words}", text)
-            if said and place is not None and place.distance < float(said[1]) / 1e3:
-                return f"false: {said[0]}, but {place}"
+            stated = re.search(rf"at least ([\d.]+) mm {words}", text)
+            if stated and place is not None and place.distance < float(stated[1]) / 1e3:
+                return f"false: {stated[0]}, but {place}"
         return "true"
 
 
@@ -284,10 +284,10 @@ def bomb(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
 
 def row_of_the_motion(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
     """Move a row of the motion by a joint's value, far or a little."""
-    said = json.loads(files.parts["motion"])
-    row = said["positions"][int(rng.integers(1, len(said["positions"]) - 1))]
+    content = json.loads(files.parts["motion"])
+    row = content["positions"][int(rng.integers(1, len(content["positions"]) - 1))]
     row[int(rng.integers(len(row)))] += float(rng.choice([-1, 1]) * 10.0 ** rng.uniform(-1.5, 0.5))
-    return {"motion": json.dumps(said).encode()}
+    return {"motion": json.dumps(content).encode()}
 
 
 def obstacle_in_the_way(files: Files, rng: np.random.Generator) -> dict[str, bytes]:

@@ -109,17 +109,17 @@ def _robot(folder: Path, kind: str) -> tuple[dict[str, Any], list[str]]:
         files = {"urdf": str(folder / "fetch/fetch.urdf"), "srdf": str(folder / "fetch/fetch.srdf")}
         held = {"r_gripper_finger_joint": 0.05, "l_gripper_finger_joint": 0.05}
         joints = [f"{x}_joint" for x in FETCH.split()]
-        said = {**files, "package_dirs": [str(folder / "fetch")], "group": "arm_with_torso", "locked": held}
-        return said, joints
+        content = {**files, "package_dirs": [str(folder / "fetch")], "group": "arm_with_torso", "locked": held}
+        return content, joints
     home = folder.parent / "mbm/baxter/description"
     files = {"urdf": str(home / "baxter.urdf"), "srdf": str(home / "baxter.srdf")}
     return {**files, "package_dirs": [str(home)], "base": {"position": [-0.45, 0.0, 0.1]}}, BAXTER
 
 
-def run(kind: str, number: str, said: dict[str, Any], folder: Path, time_limit: float, proofs: bool) -> Outcome:
+def run(kind: str, number: str, content: dict[str, Any], folder: Path, time_limit: float, proofs: bool) -> Outcome:
     """Plan one problem, and prove it."""
     file, motion = folder / SCENE, folder / "motion.json"
-    file.write_text(yaml.safe_dump(said, sort_keys=False))
+    file.write_text(yaml.safe_dump(content, sort_keys=False))
     seed = int(number) if kind in PLACES else 0
     began = time.perf_counter()
     try:
@@ -238,8 +238,8 @@ def main() -> None:
     outcomes = []
     with tempfile.TemporaryDirectory() as folder:
         for kind in options.set:
-            for number, said in scenes(options.folder.absolute(), kind, options.every, options.first):
-                done = [run(kind, number, said, Path(folder), options.time_limit, options.proofs)]
+            for number, content in scenes(options.folder.absolute(), kind, options.every, options.first):
+                done = [run(kind, number, content, Path(folder), options.time_limit, options.proofs)]
                 for planner, solve in others.items() if not done[0].status.startswith("ends") else ():
                     status, seconds = solve(hdplan.load_scene(Path(folder) / SCENE), options.time_limit)
                     done.append(Outcome(kind, number, status, seconds, planner=planner))

@@ -80,9 +80,9 @@ def problems(folder: Path, kind: str, every: int, first: int, scratch: Path) -> 
         for problem in real_problems(folder.parent / "mbm", "fetch", sets=("cage",))[first::every]:
             yield problem.number, problem.load()
         return
-    for number, said in scenes(folder, kind, every, first):
+    for number, content in scenes(folder, kind, every, first):
         file = scratch / SCENE
-        file.write_text(yaml.safe_dump(said, sort_keys=False))
+        file.write_text(yaml.safe_dump(content, sort_keys=False))
         yield number, hdplan.load_scene(file)
 
 

@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 from ompl import base, geometric, util
-from peer_ompl import asked, path_of
+from peer_ompl import path_of, simple_setup
 
 import hdplan
 from hdplan.distance.compiled.loops import Record, library
@@ -48,7 +48,7 @@ def solve(scene: hdplan.Scene, planner: str, seed: int, time_limit: float) -> tu
     ending, found = time.perf_counter() + time_limit, "no way"
     for again in itertools.count(seed):
         util.RNG.setSeed(again)
-        setup = asked(lower, upper, *ends)
+        setup = simple_setup(lower, upper, *ends)
         information = setup.getSpaceInformation()
         free = _Free(information, space, problem.robot.n)
         setup.setStateValidityChecker(free.state)

@@ -27,7 +27,7 @@ def solve(task: Task, planner: str, resolution: float | None, margin: float, see
     without), bodies kept `margin` [m] apart. A planner that goes on for better paths uses the whole time limit."""
     began = time.process_time()
     util.RNG.setSeed(seed)  # of all generators made later; 0 would be ignored
-    setup = asked(task.lower, task.upper, task.start, task.goal)
+    setup = simple_setup(task.lower, task.upper, task.start, task.goal)
     information = setup.getSpaceInformation()
     setup.setStateValidityChecker(_Validity(task, margin))
     if resolution is not None:
@@ -47,7 +47,7 @@ def solve(task: Task, planner: str, resolution: float | None, margin: float, see
     return Answer(path_of(setup, task.robot.n), ready - began, done - ready)
 
 
-def asked(lower: Array, upper: Array, start: Array, goal: Array) -> geometric.SimpleSetup:
+def simple_setup(lower: Array, upper: Array, start: Array, goal: Array) -> geometric.SimpleSetup:
     """Ask for a way between two configurations (n,) within limits (n,)."""
     space, bounds = base.RealVectorStateSpace(len(lower)), base.RealVectorBounds(len(lower))
     for joint, (low, high) in enumerate(zip(lower.tolist(), upper.tolist(), strict=True)):

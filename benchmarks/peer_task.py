@@ -78,8 +78,8 @@ class Task:
                 bodies.append(Body(f"{obstacle.name}/{len(bodies)}", piece, 0, obstacle.pose.matrix))
         pairs = [(a, b) for a, b in product(range(own), range(own, len(bodies))) if bodies[a].joint]
         pairs += [pair for a, b in robot.self_pairs for pair in product(links[a], links[b])]
-        asked = with_pose_goal(scene, hand) if hand else scene
-        return cls(asked, robot, query.start, query.goal, hand, tuple(bodies), tuple(pairs))
+        requested = with_pose_goal(scene, hand) if hand else scene
+        return cls(requested, robot, query.start, query.goal, hand, tuple(bodies), tuple(pairs))
 
     @cached_property
     def certifier(self) -> Certifier:

@@ -308,8 +308,8 @@ def _stages(
     upright = {"path": {"upright": {"link": what, "axis": "z", "tolerance": 0.35}}} if what == "bottle" else {}
     away = {"touch": touching} if not arm.fingers else {}
 
-    def line(length: float, **said: Any) -> dict[str, Any]:
-        return {"line": {"by": (length * toward).tolist(), "frame": "tool", "link": arm.link}, **said}
+    def line(length: float, **more: Any) -> dict[str, Any]:
+        return {"line": {"by": (length * toward).tolist(), "frame": "tool", "link": arm.link}, **more}
 
     def rise(length: float, board: Board) -> dict[str, Any]:
         return {"line": {"by": [0.0, 0.0, length], "link": what}, "touch": [[what, board.name]]}
@@ -408,8 +408,8 @@ class Hand:
         return found
 
 
-def _hand(arm: Arm, what: str, fingers: dict[str, float], **said: Any) -> dict[str, Any]:
-    return {"object": what, **said, **({"joints": fingers} if arm.fingers else {})}
+def _hand(arm: Arm, what: str, fingers: dict[str, float], **more: Any) -> dict[str, Any]:
+    return {"object": what, **more, **({"joints": fingers} if arm.fingers else {})}
 
 
 def _pose(place: np.ndarray, turn: Rotation) -> dict[str, Any]:
@@ -426,8 +426,8 @@ def picks(folder: Path, count: int, first: int, time_limit: float) -> None:
         if not file.exists():
             file.write_text(json.dumps(_planned(folder, number, time_limit)))
         found.append(each := json.loads(file.read_text()))
-        said = f"{number:4} {each['robot']:6} {each['seconds']:6.2f} s: {each['words'][:200]}"
-        print(said, file=sys.stderr, flush=True)
+        line = f"{number:4} {each['robot']:6} {each['seconds']:6.2f} s: {each['words'][:200]}"
+        print(line, file=sys.stderr, flush=True)
     print("| arm | jobs | certified whole | refuted | processor time of planning [s]: median, 95 %, worst |")
     print("| --- | --- | --- | --- | --- |")
     for name in (*ARMS, "all"):
@@ -439,10 +439,10 @@ def picks(folder: Path, count: int, first: int, time_limit: float) -> None:
 
 def _planned(folder: Path, number: int, time_limit: float) -> dict[str, Any]:
     """Plan a job, and look at it again."""
-    said = job(number, folder)
+    content = job(number, folder)
     file, motion = folder / f"{number}.yaml", folder / f"{number}.json"
-    said = json.loads(json.dumps(said, default=float))  # numbers of NumPy are numbers
-    file.write_text(yaml.safe_dump(said, sort_keys=False))
+    content = json.loads(json.dumps(content, default=float))  # numbers of NumPy are numbers
+    file.write_text(yaml.safe_dump(content, sort_keys=False))
     scene = hdplan.load_scene(file)
     began = time.process_time()
     kind, words = "no", ""
@@ -456,7 +456,7 @@ def _planned(folder: Path, number: int, time_limit: float) -> dict[str, Any]:
         result.save(motion)
         kind = "certified"
         try:
-            recheck(said, folder, motion)
+            recheck(content, folder, motion)
         except RefutedError as error:
             kind, words = "refuted", f"REFUTED: {error}"
-    return {"number": number, "robot": said["robot"]["name"], "is": kind, "seconds": seconds, "words": words}
+    return {"number": number, "robot": content["robot"]["name"], "is": kind, "seconds": seconds, "words": words}

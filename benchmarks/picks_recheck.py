@@ -193,30 +193,32 @@ def _box(shape: Any) -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * (low + high), 0.5 * (high - low)
 
 
-def _shape(said: dict[str, Any], folder: Path) -> Any:
-    match said["type"]:
+def _shape(shape: dict[str, Any], folder: Path) -> Any:
+    match shape["type"]:
         case "box":
-            return coal.Box(*said["size"])
+            return coal.Box(*shape["size"])
         case "cylinder":
-            return coal.Cylinder(said["radius"], said["length"])
+            return coal.Cylinder(shape["radius"], shape["length"])
         case "sphere":
-            return coal.Sphere(said["radius"])
+            return coal.Sphere(shape["radius"])
         case "mesh":
-            return coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(str(folder / said["file"]), np.ones(3))
-    raise ValueError(said["type"])
+            return coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(str(folder / shape["file"]), np.ones(3))
+    raise ValueError(shape["type"])
 
 
 class Motion:
     """The motion of a file."""
 
-    def __init__(self, model: pin.Model, told: dict[str, Any], fixed: dict[str, float], mimics: dict[str, str]) -> None:
+    def __init__(
+        self, model: pin.Model, motion: dict[str, Any], fixed: dict[str, float], mimics: dict[str, str]
+    ) -> None:
         """Take it, values of joints that it does not have, and joints that stand where others do."""
         at = {str(name): model.joints[i].idx_q for i, name in enumerate(model.names) if i}
-        self.followers = [(at[one], at[other]) for one, other in mimics.items() if one not in told["joint_names"]]
-        self.names, self.times = told["joint_names"], np.array(told["times"])
-        self.q, v, a = (np.array(told[key]) for key in ("positions", "velocities", "accelerations"))
+        self.followers = [(at[one], at[other]) for one, other in mimics.items() if one not in motion["joint_names"]]
+        self.names, self.times = motion["joint_names"], np.array(motion["times"])
+        self.q, v, a = (np.array(motion[key]) for key in ("positions", "velocities", "accelerations"))
         self.rows = Rows(tuple(self.names), self.q, self.times, v, a)
-        known = {**fixed, **told.get("locked", {})}
+        known = {**fixed, **motion.get("locked", {})}
         self.base = pin.neutral(model)
         for name, value in known.items():
             self.base[model.joints[model.getJointId(name)].idx_q] = value
@@ -240,12 +242,12 @@ class Motion:
 
 def recheck(scene: dict[str, Any], folder: Path, motion: Path, step: float = STEP) -> float:
     """Look at a motion again; return the least clearance that was met [m], over all stages. Raises RefutedError."""
-    told = json.loads(motion.read_text())
+    content = json.loads(motion.read_text())
     bodies = Scene(scene, folder)
-    driven = Motion(bodies.model, told, scene["robot"].get("locked", {}), bodies.mimics)
-    stages, marks = scene["job"], [each["row"] for each in told["stages"]]
-    claims = {each["stage"]: each["clearance_m"] or 0.0 for each in told["verdict"]["stages"]}
-    if [each["name"] for each in told["stages"]] != [each["name"] for each in stages]:
+    driven = Motion(bodies.model, content, scene["robot"].get("locked", {}), bodies.mimics)
+    stages, marks = scene["job"], [each["row"] for each in content["stages"]]
+    claims = {each["stage"]: each["clearance_m"] or 0.0 for each in content["verdict"]["stages"]}
+    if [each["name"] for each in content["stages"]] != [each["name"] for each in stages]:
         raise RefutedError("stages are missing")
     least, fingers = np.inf, {joint for stage in stages for joint in _fingers(stage)}
     _begins(bodies, driven, scene["start"], fingers)
@@ -278,8 +280,8 @@ def recheck(scene: dict[str, Any], folder: Path, motion: Path, step: float = STE
 
 def _fingers(stage: dict[str, Any]) -> dict[str, float]:
     """Return where a stage brings fingers."""
-    said = stage.get("grip") or stage.get("release") or {}
-    found: dict[str, float] = said.get("joints", {})
+    hand = stage.get("grip") or stage.get("release") or {}
+    found: dict[str, float] = hand.get("joints", {})
     return found
 
 
@@ -288,10 +290,10 @@ def _begins(bodies: Scene, driven: Motion, start: dict[str, Any], fingers: set[s
     joints = [bodies.model.joints[bodies.model.getJointId(name)] for name in driven.names if name not in fingers]
     at = driven.whole(driven.q[0])[[joint.idx_q for joint in joints]]
     if "state" in start:
-        said = bodies.model.referenceConfigurations[start["state"]][[joint.idx_q for joint in joints]]
+        expected = bodies.model.referenceConfigurations[start["state"]][[joint.idx_q for joint in joints]]
     else:
-        said = start["joints"]
-    if np.abs(at - said).max() > STILL:
+        expected = start["joints"]
+    if np.abs(at - expected).max() > STILL:
         raise RefutedError("the motion begins elsewhere")
 
 
@@ -301,7 +303,7 @@ def _driven(
     times: np.ndarray,
     stage: dict[str, Any],
     fingers: set[str],
-    said: dict[str, Any],
+    limits_: dict[str, Any],
 ) -> np.ndarray:
     """Return positions at the times of a stage, in which only joints move that are to move, within their limits."""
     name, moved = stage["name"], _fingers(stage)
@@ -316,7 +318,7 @@ def _driven(
     if np.ptp(rows, axis=0)[still].max(initial=0.0) > STILL:
         raise RefutedError(f"{name}: joints move that are to stand still")
     fast = model.velocityLimit[[joint.idx_v for joint in model_joints]]
-    limits = fast, said["acceleration"], said["jerk"]
+    limits = fast, limits_["acceleration"], limits_["jerk"]
     for what, limit, values in zip(("velocity", "acceleration", "jerk"), limits, (rates, *pushes), strict=True):
         if (np.abs(values) > limit * (1 + ROUNDING) + STILL).any():
             raise RefutedError(f"{name}: {what} beyond its limit")
@@ -330,47 +332,47 @@ def _driven(
 
 def _followed(stage: dict[str, Any]) -> set[str]:
     """Return the links whose way a stage tells of."""
-    told = stage.get("line"), stage.get("path", {}).get("upright")
-    return {each["link"] for each in told if each}
+    sections = stage.get("line"), stage.get("path", {}).get("upright")
+    return {each["link"] for each in sections if each}
 
 
 def _done(bodies: Scene, stage: dict[str, Any], ways: list[dict[str, np.ndarray]]) -> None:
     """Check what a stage was to do, and do to objects what it does."""
     name = stage["name"]
-    if said := stage.get("path", {}).get("upright"):
-        axis = np.array([each[said["link"]][:3, "xyz".index(said["axis"])] for each in ways])
-        if (tilt := np.arccos(np.clip(axis[:, 2].min(), -1.0, 1.0))) > said["tolerance"] + ROUNDING:
-            raise RefutedError(f"{name}: tilts {said['link']} by {tilt:.4f} rad")
-    if said := stage.get("move"):
-        if not any(_reached(bodies.link(each["link"]), each) for each in said["poses"]):
+    if section := stage.get("path", {}).get("upright"):
+        axis = np.array([each[section["link"]][:3, "xyz".index(section["axis"])] for each in ways])
+        if (tilt := np.arccos(np.clip(axis[:, 2].min(), -1.0, 1.0))) > section["tolerance"] + ROUNDING:
+            raise RefutedError(f"{name}: tilts {section['link']} by {tilt:.4f} rad")
+    if section := stage.get("move"):
+        if not any(_reached(bodies.link(each["link"]), each) for each in section["poses"]):
             raise RefutedError(f"{name}: does not end at one of its poses")
-    elif said := stage.get("line"):
-        poses, way = [each[said["link"]] for each in ways], np.array(said["by"])
-        if said.get("frame") == "tool":
+    elif section := stage.get("line"):
+        poses, way = [each[section["link"]] for each in ways], np.array(section["by"])
+        if section.get("frame") == "tool":
             way = poses[0][:3, :3] @ way
         along = np.clip([(x[:3, 3] - poses[0][:3, 3]) @ way / (way @ way) for x in poses], 0.0, 1.0)
         off = [np.linalg.norm(x[:3, 3] - poses[0][:3, 3] - s * way) for x, s in zip(poses, along, strict=True)]
         turned = [Rotation.from_matrix(poses[0][:3, :3].T @ x[:3, :3]).magnitude() for x in poses]
         if max(off) > OFF or max(turned) > TURNED or along[-1] < 1.0 - OFF / np.linalg.norm(way):
             raise RefutedError(f"{name}: leaves its line by {max(off) * 1e3:.3f} mm, {max(turned):.4f} rad")
-    elif said := stage.get("grip"):
-        what, holding = said["object"], {each for pair in stage["touch"] for each in pair[1]}
+    elif section := stage.get("grip"):
+        what, holding = section["object"], {each for pair in stage["touch"] for each in pair[1]}
         for link in holding:
             near = bodies.nearest(link, [what])
             if near > REACH:
                 raise RefutedError(f"{name}: {link} is {near * 1e3:.2f} mm from {what}")
-        bodies.held[what] = said["link"], np.linalg.inv(bodies.link(said["link"])) @ bodies.places[what], holding
-    elif said := stage.get("release"):
-        del bodies.held[what := said["object"]]
+        bodies.held[what] = section["link"], np.linalg.inv(bodies.link(section["link"])) @ bodies.places[what], holding
+    elif section := stage.get("release"):
+        del bodies.held[what := section["object"]]
         above = bodies.nearest(what, set(bodies.shapes) - {what})
         if above > REACH:
             raise RefutedError(f"{name}: {what} is {above * 1e3:.2f} mm above what it is to stand on")
 
 
-def _reached(pose: np.ndarray, said: dict[str, Any]) -> bool:
-    goal = of_scene(said)
+def _reached(pose: np.ndarray, section: dict[str, Any]) -> bool:
+    goal = of_scene(section)
     if np.linalg.norm(pose[:3, 3] - goal[:3, 3]) > OFF:
         return False
-    if said.get("free_rotation") == "z":
+    if section.get("free_rotation") == "z":
         return bool(np.arccos(np.clip(pose[:3, 2] @ goal[:3, 2], -1.0, 1.0)) <= TURNED)
     return bool(Rotation.from_matrix(goal[:3, :3].T @ pose[:3, :3]).magnitude() <= TURNED)

@@ -34,7 +34,7 @@ class Command:
 
     name: str
     kind: str  # ptp, lin, circ or gripper
-    said: Any  # its element
+    element: Any  # its element
     radius: float
 
 
@@ -66,8 +66,8 @@ class Robot:
             commands = []
             for entry in blend:
                 kind = entry.get("type").split("_")[0]
-                said = self.tree.find(f"./{kinds[kind]}[@name='{entry.get('name')}']")
-                commands.append(Command(entry.get("name"), kind, said, float(entry.get("blend_radius"))))
+                element = self.tree.find(f"./{kinds[kind]}[@name='{entry.get('name')}']")
+                commands.append(Command(entry.get("name"), kind, element, float(entry.get("blend_radius"))))
             for one, other in itertools.pairwise(commands):
                 one.radius *= (one.kind == "gripper") == (other.kind == "gripper")
             found[blend.get("name")] = commands
@@ -92,20 +92,20 @@ def _tree(folder: Path, name: str) -> Any:
     return ET.parse(folder / f"{name}_testdata_sequence.xml").getroot()
 
 
-def pace_of(robot: Robot, said: Any, length: float, turn: float) -> tuple[float, float]:
+def pace_of(robot: Robot, element: Any, length: float, turn: float) -> tuple[float, float]:
     """Return the speed and acceleration of the tool along a curve."""
     share = length / max(length, EQUAL * turn)
-    return SPEED * float(said.find("vel").text) * share, ACCELERATION * float(said.find("acc").text) * share
+    return SPEED * float(element.find("vel").text) * share, ACCELERATION * float(element.find("acc").text) * share
 
 
-def arc_of(begin: np.ndarray, end: np.ndarray, said: Any, robot: Robot) -> tuple[np.ndarray, np.ndarray, float]:
+def arc_of(begin: np.ndarray, end: np.ndarray, element: Any, robot: Robot) -> tuple[np.ndarray, np.ndarray, float]:
     """Return centre, axis and angle of an arc."""
-    if said.find("centerPos") is not None:
-        center = robot.pose(said.find("centerPos").text)[0]
+    if element.find("centerPos") is not None:
+        center = robot.pose(element.find("centerPos").text)[0]
         normal = np.cross(begin - center, end - center)
         cosine = (begin - center) @ (end - center) / np.linalg.norm(begin - center) / np.linalg.norm(end - center)
         return center, normal / np.linalg.norm(normal), float(np.arccos(cosine))
-    point = robot.pose(said.find("intermediatePos").text)[0]
+    point = robot.pose(element.find("intermediatePos").text)[0]
     a, b = point - begin, end - begin
     normal = np.cross(a, b)
     center = begin + np.linalg.solve(np.array([a, b, normal]), [a @ a / 2, b @ b / 2, 0.0])
@@ -117,14 +117,14 @@ def arc_of(begin: np.ndarray, end: np.ndarray, said: Any, robot: Robot) -> tuple
 def simulated(robot: Robot, command: Command, begin: tuple[np.ndarray, Rotation]) -> tuple[np.ndarray, Rotation]:
     """Return places and rotations along a line or an arc at every step of time."""
     at, turned = begin
-    end, there = robot.pose(command.said.find("endPos").text)
+    end, there = robot.pose(command.element.find("endPos").text)
     between = (there * turned.inv()).as_rotvec()
     if command.kind == "lin":
         length = float(np.linalg.norm(end - at))
     else:
-        center, axis, angle = arc_of(at, end, command.said, robot)
+        center, axis, angle = arc_of(at, end, command.element, robot)
         length = angle * float(np.linalg.norm(at - center))
-    speed, acceleration = pace_of(robot, command.said, length, float(np.linalg.norm(between)))
+    speed, acceleration = pace_of(robot, command.element, length, float(np.linalg.norm(between)))
     ramp = min(speed / acceleration, np.sqrt(length / acceleration))
     whole = length / (ramp * acceleration) + ramp
     now = np.append(np.arange(0.0, whole, STEP), whole)
@@ -159,19 +159,19 @@ def job_of(robot: Robot, commands: list[Command]) -> hdplan.Scene:
     """Return a sequence as a job."""
     loaded = hdplan.load_robot(robot.spec)
     moving = [x for x in commands if x.kind != "gripper"]
-    start = robot.joints(moving[0].said.find("startPos").text if moving else "ZeroPose")
+    start = robot.joints(moving[0].element.find("startPos").text if moving else "ZeroPose")
     at = tool_of(robot, loaded, np.array([start]))[0]
     stages: list[Any] = []
     for number, command in enumerate(commands):
         name = f"{number} {command.name}"
         if command.kind == "gripper":
-            stages.append(hdplan.Set({"gripper": command.said.find("endPos").text}, name=name))
+            stages.append(hdplan.Set({"gripper": command.element.find("endPos").text}, name=name))
             continue
-        end, there = robot.pose(command.said.find("endPos").text)
+        end, there = robot.pose(command.element.find("endPos").text)
         if command.kind == "ptp":
             goal = hdplan.PoseTarget(robot.link, hdplan.Pose(end, there.as_quat()), 1e-6, 1e-5)
             stages.append(
-                hdplan.Move(goal, name=name, blend=command.radius, speed=float(command.said.find("vel").text))
+                hdplan.Move(goal, name=name, blend=command.radius, speed=float(command.element.find("vel").text))
             )
         else:
             begin, turned = at[:3, 3], Rotation.from_matrix(at[:3, :3])
@@ -187,16 +187,18 @@ def job_of(robot: Robot, commands: list[Command]) -> hdplan.Scene:
             if command.kind == "lin":
                 length = float(np.linalg.norm(end - begin))
             else:
-                center, _, angle = arc_of(begin, end, command.said, robot)
+                center, _, angle = arc_of(begin, end, command.element, robot)
                 length = angle * float(np.linalg.norm(begin - center))
-            speed, acceleration = pace_of(robot, command.said, length, turn)
+            speed, acceleration = pace_of(robot, command.element, length, turn)
             more |= {"tool_speed": speed, "tool_acceleration": acceleration}
             if command.kind == "lin":
                 stages.append(hdplan.Line(**more))
-            elif command.said.find("centerPos") is not None:
-                stages.append(hdplan.Circle(**more, center=robot.pose(command.said.find("centerPos").text)[0]))
+            elif command.element.find("centerPos") is not None:
+                stages.append(hdplan.Circle(**more, center=robot.pose(command.element.find("centerPos").text)[0]))
             else:
-                stages.append(hdplan.Circle(**more, interim=robot.pose(command.said.find("intermediatePos").text)[0]))
+                stages.append(
+                    hdplan.Circle(**more, interim=robot.pose(command.element.find("intermediatePos").text)[0])
+                )
         at = np.eye(4)
         at[:3, :3], at[:3, 3] = there.as_matrix(), end
     limits = hdplan.Limits(velocity="urdf", acceleration=robot.acceleration, jerk=500.0)
@@ -225,9 +227,9 @@ def compared(robot: Robot, commands: list[Command], result: hdplan.JobResult) ->
         if command.kind not in ("lin", "circ"):
             continue
         if (k and commands[k - 1].kind != "gripper") or k > 1:
-            begin = robot.pose(command.said.find("startPos").text)
+            begin = robot.pose(command.element.find("startPos").text)
         else:
-            at = tool_of(robot, loaded, np.array([robot.joints(command.said.find("startPos").text)]))[0]
+            at = tool_of(robot, loaded, np.array([robot.joints(command.element.find("startPos").text)]))[0]
             begin = at[:3, 3], Rotation.from_matrix(at[:3, :3])
         curves[k] = [simulated(robot, command, begin)]
     for k in sorted(curves):

@@ -186,8 +186,8 @@ def main() -> None:
         for outcome in kept(options.csv, Outcome, list(known.values()), planned()):
             known[outcome.key] = outcome
             print(line(outcome), file=sys.stderr)
-    asked = [[known[p.robot, *kind, p.set, p.number] for p in problems] for kind in kinds]
-    print(markdown_text([row(outcomes) for outcomes in asked]))
+    found = [[known[p.robot, *kind, p.set, p.number] for p in problems] for kind in kinds]
+    print(markdown_text([row(outcomes) for outcomes in found]))
 
 
 if __name__ == "__main__":

@@ -104,8 +104,8 @@ def main(trajectory: str, scene: str, request: str, robot: str, distances: bool)
     distances."""
     content = json.loads(Path(trajectory).read_text())
     motion = Moved.of(content, Path(request), Path(robot))
-    asked, values, times = motion.request, motion.start, motion.times
-    goal = {c["joint_name"]: float(c["position"]) for c in asked["goal_constraints"][0]["joint_constraints"]}
+    wanted, values, times = motion.request, motion.start, motion.times
+    goal = {c["joint_name"]: float(c["position"]) for c in wanted["goal_constraints"][0]["joint_constraints"]}
     names, waypoints = content["joint_names"], np.array(content["positions"], dtype=np.float64)
 
     faults = []

@@ -312,30 +312,30 @@ def main() -> None:
     parser.add_argument("--alone", action="store_true")
     parser.add_argument("--knowing", action="store_true")
     parser.add_argument("--trusting", action="store_true")
-    said = parser.parse_args()
+    options = parser.parse_args()
     done: dict[int, Outcome] = {}
-    if said.journal is not None and said.journal.exists():
-        for line in said.journal.read_text(encoding="utf-8").splitlines():
+    if options.journal is not None and options.journal.exists():
+        for line in options.journal.read_text(encoding="utf-8").splitlines():
             outcome = Outcome(**json.loads(line))
             done[outcome.seed] = outcome
-    seeds = range(said.first, said.first + said.runs)
+    seeds = range(options.first, options.first + options.runs)
     for seed in seeds:
         if seed in done:
             continue
-        found = run(seed, said.seconds, Senses())
+        found = run(seed, options.seconds, Senses())
         past, (scene, goals) = found.pop("past"), scene_of(seed)
         found["knowing"], found["known_first"] = -1, math.inf
-        if said.knowing:
-            found["knowing"], found["known_first"] = goals_of_who_knows(past, scene, goals, said.seconds)
-        found["alone"] = run(seed, said.seconds, EMPTY)["goals"] if said.alone else -1
-        for wanted, name, senses in ((said.present, "present", PRESENT), (said.trusting, "trusting", TRUSTING)):
+        if options.knowing:
+            found["knowing"], found["known_first"] = goals_of_who_knows(past, scene, goals, options.seconds)
+        found["alone"] = run(seed, options.seconds, EMPTY)["goals"] if options.alone else -1
+        for wanted, name, senses in ((options.present, "present", PRESENT), (options.trusting, "trusting", TRUSTING)):
             if wanted:
-                other = run(seed, said.seconds, senses)
+                other = run(seed, options.seconds, senses)
                 found[name] = {key: other[key] for key in KEPT}
         done[seed] = Outcome(**found)
         print(done[seed], file=sys.stderr, flush=True)
-        if said.journal is not None:
-            with said.journal.open("a", encoding="utf-8") as file:
+        if options.journal is not None:
+            with options.journal.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(asdict(done[seed])) + "\n")
     print(table([done[seed] for seed in seeds]))
 

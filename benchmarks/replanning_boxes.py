@@ -109,29 +109,29 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=75.0)
     parser.add_argument("--robot", default="panda")
     parser.add_argument("--journal", type=Path)
-    said = parser.parse_args()
+    options = parser.parse_args()
     time.perf_counter = time.process_time  # by which a search sees its limit: other work of the machine does not count
-    spec = hdplan.RobotSpec(said.robot) if said.robot == "panda" else hdplan.RobotSpec(urdf=Path(said.robot))
+    spec = hdplan.RobotSpec(options.robot) if options.robot == "panda" else hdplan.RobotSpec(urdf=Path(options.robot))
     found: dict[tuple[int, int], dict[str, Any]] = {}
-    if said.journal is not None and said.journal.exists():
-        lines = [json.loads(line) for line in said.journal.read_text(encoding="utf-8").splitlines()]
+    if options.journal is not None and options.journal.exists():
+        lines = [json.loads(line) for line in options.journal.read_text(encoding="utf-8").splitlines()]
         found = {(line["boxes"], line["seed"]): line for line in lines}
-    wanted = [(count, seed) for seed in range(said.first, said.first + said.trials) for count in said.boxes]
+    wanted = [(count, seed) for seed in range(options.first, options.first + options.trials) for count in options.boxes]
     for count, seed in wanted:
         if (count, seed) in found:
             continue
-        found[count, seed] = trial(seed, count, spec, said.seconds)
+        found[count, seed] = trial(seed, count, spec, options.seconds)
         print(found[count, seed], file=sys.stderr, flush=True)
-        if said.journal is not None:
-            with said.journal.open("a", encoding="utf-8") as file:
+        if options.journal is not None:
+            with options.journal.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(found[count, seed]) + "\n")
     rows = []
-    for count in said.boxes:
+    for count in options.boxes:
         own = [found[each] for each in wanted if each[0] == count]
         reached = [each["seconds"] for each in own if each["arrived"]]
         rows.append(
             {
-                f"cubes around a {Path(said.robot).stem}": count,
+                f"cubes around a {Path(options.robot).stem}": count,
                 "trials": len(own),
                 "goals reached": len(reached),
                 "with a contact": sum(each["least"] <= 0.0 for each in own),

@@ -237,7 +237,9 @@ def xml_text(rng: Random, root: Any, srdf: bool) -> str:
             given["rpy"] = " ".join(map(repr, other_angles(rng, [*map(float, given["rpy"].split())])))
         if not srdf and tag == "axis" and rng.random() < 0.2:  # of any length
             given["xyz"] = " ".join(repr(2.5 * float(x)) for x in given["xyz"].split())
-        said = "".join(attribute(rng, k, x, tag in NUMERIC and not srdf) for k, x in shuffled(rng, [*given.items()]))
+        attributes = "".join(
+            attribute(rng, k, x, tag in NUMERIC and not srdf) for k, x in shuffled(rng, [*given.items()])
+        )
         inner = children
         if tag in ("robot", "link", "joint"):
             kept = iter([x for x in children if x.tag in ordered])
@@ -252,7 +254,7 @@ def xml_text(rng: Random, root: Any, srdf: bool) -> str:
         parts = [y for x in parts for y in ([f"<!-- {comment(rng)} -->"] * (rng.random() < 0.05) + [x])]
         body = text + "".join(spaces(rng) + x for x in parts)
         short = not body and rng.random() < 0.8
-        return f"<{tag}{said}{spaces(rng) if short else ''}" + (
+        return f"<{tag}{attributes}{spaces(rng) if short else ''}" + (
             "/>" if short else f">{body}{spaces(rng) if not text else ''}</{tag}>"
         )
 
@@ -305,28 +307,28 @@ def mesh_written(rng: Random, corners: Any, path: Path) -> Path:
     return path
 
 
-def motion_written(rng: Random, folder: Path, said: dict[str, Any]) -> Path:
+def motion_written(rng: Random, folder: Path, content: dict[str, Any]) -> Path:
     """The motion's JSON in another order, or CSV, with the joints in another order."""
-    order, rates = rng.permutation(len(said["joint_names"])), ("positions", "velocities", "accelerations")
-    said = {**said, "joint_names": [said["joint_names"][i] for i in order]}
-    said |= {k: [[x[i] for i in order] for x in said[k]] for k in rates if said.get(k)}
+    order, rates = rng.permutation(len(content["joint_names"])), ("positions", "velocities", "accelerations")
+    content = {**content, "joint_names": [content["joint_names"][i] for i in order]}
+    content |= {k: [[x[i] for i in order] for x in content[k]] for k in rates if content.get(k)}
     if rng.random() < 0.5:
         keys = [
-            k for k in shuffled(rng, [*said]) if k not in ("verdict", "interpolation", "steps") or rng.random() < 0.5
+            k for k in shuffled(rng, [*content]) if k not in ("verdict", "interpolation", "steps") or rng.random() < 0.5
         ]
-        text = json.dumps({k: said[k] for k in keys}, indent=[None, 1, 4][rng.integers(3)])
+        text = json.dumps({k: content[k] for k in keys}, indent=[None, 1, 4][rng.integers(3)])
         (folder / "motion.json").write_text(text.replace("\n", "\r\n") if rng.random() < 0.2 else text)
         return folder / "motion.json"
-    columns = {"time": said["times"]} if said.get("times") else {}
+    columns = {"time": content["times"]} if content.get("times") else {}
     for rate, end in zip(rates, ("", ".velocity", ".acceleration"), strict=True):
-        if said.get(rate):
+        if content.get(rate):
             columns |= {
-                x + end: list(y) for x, y in zip(said["joint_names"], zip(*said[rate], strict=True), strict=True)
+                x + end: list(y) for x, y in zip(content["joint_names"], zip(*content[rate], strict=True), strict=True)
             }
     gap, names = str(rng.choice(["", " "])), shuffled(rng, [*columns]) if rng.random() < 0.5 else [*columns]
     quote = '"' * int(rng.random() < 0.3)
     lines = [f",{gap}".join(f"{quote}{x}{quote}" for x in names) if not gap else ",".join(names)]
-    lines += [f",{gap}".join(digits(rng, columns[x][i]) for x in names) for i in range(len(said["positions"]))]
+    lines += [f",{gap}".join(digits(rng, columns[x][i]) for x in names) for i in range(len(content["positions"]))]
     end = str(rng.choice(["\n", "\r\n"]))
     mark = "\ufeff" if rng.random() < 0.2 else ""
     (folder / "motion.csv").write_text(mark + end.join([*lines, ""]), newline="")

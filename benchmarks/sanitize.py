@@ -39,8 +39,8 @@ WATCHED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-DHDPLA
 
 def library_of(compiler: str, name: str) -> str:
     """A library that comes with the compiler."""
-    asked = subprocess.run([compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=True)
-    return asked.stdout.strip()
+    done = subprocess.run([compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
 
 
 def main() -> int:

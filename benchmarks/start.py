@@ -34,15 +34,15 @@ print(",".join(name for name in sys.modules if name.startswith("hdplan")))
 PLANS = """
 import json, sys, time, warnings, hdplan
 warnings.simplefilter("ignore")
-told = []
+printed = []
 for files in json.loads(sys.argv[1]):
     scene, best = hdplan.load_scene(*files), float("inf")
     for _ in range(3):
         began = time.process_time()
         result = hdplan.plan(scene)
         best = min(best, time.process_time() - began)
-    told.append((best, result.certificate.status.value, result.trajectory.positions.ravel().tolist()))
-print(json.dumps(told))
+    printed.append((best, result.certificate.status.value, result.trajectory.positions.ravel().tolist()))
+print(json.dumps(printed))
 """
 
 
@@ -114,7 +114,7 @@ def main() -> None:
         for kind in dict.fromkeys(kind for kind, _ in found):
             print(f"| {kind} | {found[kind, True]:.3f} | {found[kind, False]:.3f} |")
         print(f"\nThe wheel has {with_loops.wheel.stat().st_size / 1e6:.2f} MB.\n")
-        told = [
+        measured = [
             json.loads(
                 each.run("python", "-c", PLANS, json.dumps(scenes), cache=each.folder / "cache", compiler=False)[1]
             )
@@ -122,7 +122,7 @@ def main() -> None:
         ]
     print("| warm plan in one process | loops of C [s] | NumPy instead [s] | times as long | joints differ by [rad] |")
     print("| --- | --- | --- | --- | --- |")
-    for files, (fast, status, motion), (slow, other, same) in zip(scenes, *told, strict=True):
+    for files, (fast, status, motion), (slow, other, same) in zip(scenes, *measured, strict=True):
         name = "panda_cage" if len(files) == 1 else f"{Path(files[0]).parent.name} 2"
         differ = max((abs(a - b) for a, b in zip(motion, same, strict=True)), default=0.0)
         print(f"| {name}, {status}, {other} | {fast:.3f} | {slow:.3f} | {slow / fast:.0f} | {differ:.0e} |")

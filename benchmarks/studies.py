@@ -27,14 +27,14 @@ def measure(name: str, folder: Path, problems: Path | None, every: int) -> Repor
     if name == "kinks":
         return reproduce_kinks(folder)
     if name == "distance":
-        return study_distance(folder, False, said, lambda: False)
+        return study_distance(folder, False, show, lambda: False)
     if name == "planning":
         scenes = [*shipped_with_obstacles(False), *(problems_below(problems, every) if problems else [])]
-        return study_planning(folder, scenes, False, said, lambda: False)
-    return FIGURES[name](folder, False, said, lambda: False)
+        return study_planning(folder, scenes, False, show, lambda: False)
+    return FIGURES[name](folder, False, show, lambda: False)
 
 
-def said(done: int, total: int, what: str) -> None:
+def show(done: int, total: int, what: str) -> None:
     """Say how far it is."""
     print(f"{done} of {total}: {what}", file=sys.stderr)
 

@@ -98,9 +98,9 @@ def holds(certifier: Certifier, q: NDArray[np.float64]) -> bool:
     return not certifier.too_close(q, 0.0) and certifier.overload(q) is None
 
 
-def outcome(asked: Scene, judged: Scene, robot: Robot) -> Outcome:
+def outcome(requested: Scene, judged: Scene, robot: Robot) -> Outcome:
     began = time.perf_counter()
-    result = plan(asked, robot=robot, time_limit=TIME_LIMIT)
+    result = plan(requested, robot=robot, time_limit=TIME_LIMIT)
     seconds = time.perf_counter() - began
     certificate = Certifier(Setup.of(judged, robot)).certify(result.trajectory)
     tracked = certificate.certified and replay(Setup.of(judged, robot), result.trajectory).succeeded

@@ -255,8 +255,8 @@ def main() -> None:
         seconds = time.process_time() - began
         plans[made.kind].append((result.certified, seconds, result.attempts))
         movers = ", ".join(type(each.shape).__name__.lower() for each in made.scene.moving)
-        told = f"{k:3d} {result.robot:5s} {made.kind:6s} {made.scene.end_time:5.2f} s: {movers}"
-        print(f"{told:60s} {seconds:5.2f} s, {result.attempts} attempts, {result.certificate.text}", file=sys.stderr)
+        line = f"{k:3d} {result.robot:5s} {made.kind:6s} {made.scene.end_time:5.2f} s: {movers}"
+        print(f"{line:60s} {seconds:5.2f} s, {result.attempts} attempts, {result.certificate.text}", file=sys.stderr)
     plans["all"] = [plan for each in plans.values() for plan in each]
     print(markdown_text([row(kind, found) for kind, found in plans.items() if found]))
 

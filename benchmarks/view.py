@@ -93,7 +93,7 @@ class Shown:
         came: dict[int, tuple[float, Any]] = {}  # when the move to a scene came, and the scene
         newest = 0.0
 
-        def asked(kind: str, job: Any, urgent: bool = False) -> None:
+        def counted(kind: str, job: Any, urgent: bool = False) -> None:
             nonlocal newest
             if kind == "drag":
                 newest = time.perf_counter()
@@ -115,7 +115,7 @@ class Shown:
             self.frames += 1
             draw(now)
 
-        viewer.worker.ask, handles.drag, live._take, player._show = asked, dragged, taken, drawn  # type: ignore[method-assign]
+        viewer.worker.ask, handles.drag, live._take, player._show = counted, dragged, taken, drawn  # type: ignore[method-assign]
 
 
 def clouded(points: int) -> Scene:

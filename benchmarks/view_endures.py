@@ -48,7 +48,7 @@ FIRST = (
     "processor time of the command until the address [s]",
     "until the robot [s]",
 )
-LONGEST, TOLD = 780.0, 100  # [s] of all drags, and after how many of them a line is written
+LONGEST, LINE_EVERY = 780.0, 100  # [s] of all drags, and after how many of them a line is written
 SHARE = 10  # the first and the last of so many parts are compared
 RUNS = 3
 ROBOT = 1500  # indices of a mesh that is one of the robot's, and not a grid or a label
@@ -79,13 +79,13 @@ def first(name: str, browser: Any) -> tuple[float, ...]:
         assert address is not None
         page.goto(address[0], wait_until="commit")
         page.locator(".hd-two").first.wait_for(state="attached")
-        said = time.time() - began
+        reported = time.time() - began
         page.wait_for_function("window.seen")
         drawn, to_draw = page.evaluate("window.seen") / 1e3 - began, processor(child.pid)
         page.close()
         child.terminate()  # Ctrl-C is not heard by what a shell runs in the background
         child.wait()
-    return served, said, drawn, to_serve, to_draw
+    return served, reported, drawn, to_serve, to_draw
 
 
 def firsts(names: list[str], runs: int) -> list[dict[str, str]]:
@@ -137,7 +137,7 @@ def drags(count: int) -> dict[str, str]:
             seconds = dragged(viewer, thing, aim - place_of(viewer.edited, thing, viewer.stage.tip).position)
             held.append(memory())
             spent.append(seconds)
-            if len(spent) % TOLD == 0:
+            if len(spent) % LINE_EVERY == 0:
                 print(f"{len(spent)} drags: {held[-1]:.0f} MB", file=sys.stderr, flush=True)
     if not spent:
         sys.exit("ended before the first drag")

@@ -67,8 +67,8 @@ SLACK = 1e-6  # [m, rad or of a limit]: coal's and Pinocchio's own errors, and w
 # --- the judge --------------------------------------------------------------------------------------------------------
 
 
-def se3(said: World) -> pin.SE3:
-    return pin.SE3(np.reshape(said["rotation"], (3, 3)).astype(float), np.array(said["position"], dtype=float))
+def se3(frame: World) -> pin.SE3:
+    return pin.SE3(np.reshape(frame["rotation"], (3, 3)).astype(float), np.array(frame["position"], dtype=float))
 
 
 BALL = Rotation.random(400, rng=np.random.default_rng(0)).apply([0.0, 0.0, 1.0])
@@ -217,11 +217,11 @@ class Judge:
             self.above[i] = self.above[int(model.parents[i + 1]) - 1]
             self.above[i, i : i + 1] = True
 
-    def _off(self, said: list[float]) -> Any:
+    def _off(self, pair: list[float]) -> Any:
         """How far all joints may be off, by that of those which follow none."""
         joints = self.world["joints"]
         lead = [i for i, x in enumerate(joints) if x["follows"] is None]
-        own = dict(zip(lead, said or [0.0] * len(lead), strict=True))
+        own = dict(zip(lead, pair or [0.0] * len(lead), strict=True))
         return np.array([own[i] if i in own else abs(x["follows"][1]) * own[x["follows"][0]]
                          for i, x in enumerate(joints)])  # fmt: skip
 
@@ -256,12 +256,12 @@ class Judge:
 
     def link(self, name: str, k: int) -> pin.SE3:
         """A link's frame at a moment."""
-        said = self.world["links"][name]
-        return self.frames[k][said["joint"] + 1] * se3(said)
+        frame = self.world["links"][name]
+        return self.frames[k][frame["joint"] + 1] * se3(frame)
 
-    def bodies(self, said: World) -> Any:
+    def bodies(self, body: World) -> Any:
         """A body's frames (k, 4, 4) at all moments."""
-        return np.array([x[said["joint"] + 1].homogeneous for x in self.frames]) @ se3(said).homogeneous
+        return np.array([x[body["joint"] + 1].homogeneous for x in self.frames]) @ se3(body).homogeneous
 
     def too_close(self, head: World) -> str:
         """Bodies that are closer than stated, or within one another."""
@@ -425,22 +425,26 @@ class Judge:
 
     def off_path(self) -> str:
         """A path constraint that is not kept."""
-        for said in self.world["path"]:
+        for constraint in self.world["path"]:
             first = None
             for k in range(len(self.at)):
-                frame = self.link(said["link"], k)
-                if said["kind"] == "upright":
-                    up = (frame.rotation @ np.array(said["axis"], dtype=float))[2]
-                    good = np.arccos(np.clip(up, -1, 1)) <= said["tolerance"] + SLACK
-                elif said["kind"] == "position":
-                    inner = se3(said).actInv(frame.act(np.array(said["point"], dtype=float)))
-                    good = all(s is None or abs(x) <= s / 2 + SLACK for x, s in zip(inner, said["size"], strict=True))
+                frame = self.link(constraint["link"], k)
+                if constraint["kind"] == "upright":
+                    up = (frame.rotation @ np.array(constraint["axis"], dtype=float))[2]
+                    good = np.arccos(np.clip(up, -1, 1)) <= constraint["tolerance"] + SLACK
+                elif constraint["kind"] == "position":
+                    inner = se3(constraint).actInv(frame.act(np.array(constraint["point"], dtype=float)))
+                    good = all(
+                        s is None or abs(x) <= s / 2 + SLACK for x, s in zip(inner, constraint["size"], strict=True)
+                    )
                 else:
-                    relative = self.link(said["to"], k).actInv(frame)
-                    first = first or (relative if said["frame"] is None else se3(said["frame"]))
-                    good = self.near(relative, first, said["position_tolerance"], said["orientation_tolerance"], "none")
+                    relative = self.link(constraint["to"], k).actInv(frame)
+                    first = first or (relative if constraint["frame"] is None else se3(constraint["frame"]))
+                    good = self.near(
+                        relative, first, constraint["position_tolerance"], constraint["orientation_tolerance"], "none"
+                    )
                 if not good:
-                    return f"path.{said['kind']} at {self.at[k]}"
+                    return f"path.{constraint['kind']} at {self.at[k]}"
         return ""
 
 
@@ -511,13 +515,13 @@ class Case:
 
 def with_sizes(file: Path) -> str:
     """A scene with SIZES of what is unknown; its files are named from everywhere."""
-    said = yaml.safe_load(file.read_text(encoding="utf-8"))
-    said["robot"] |= SIZES["robot"]
-    for key in {"urdf", "srdf"} & {*said["robot"]}:
-        said["robot"][key] = str(file.parent / said["robot"][key])
-    for each in said["obstacles"]:
+    content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    content["robot"] |= SIZES["robot"]
+    for key in {"urdf", "srdf"} & {*content["robot"]}:
+        content["robot"][key] = str(file.parent / content["robot"][key])
+    for each in content["obstacles"]:
         each["uncertainty"] = SIZES["obstacle"]
-    return yaml.safe_dump(said, sort_keys=False)
+    return yaml.safe_dump(content, sort_keys=False)
 
 
 Place = tuple[Any, Any, str]  # a list or mapping, a key of it, and the path to it
@@ -561,12 +565,12 @@ def geometry(case: Case, rng: Random) -> None:
 def moved(case: Case, rng: Random) -> None:
     """Move or turn a body, a link or a joint as a whole."""
     group = case.world[str(rng.choice(["bodies", "joints"]))]
-    said = group[int(rng.integers(len(group)))]
+    entry = group[int(rng.integers(len(group)))]
     step = 10.0 ** rng.uniform(-5, -0.3)
     turn = Rotation.from_rotvec(rng.normal(size=3) * step * rng.integers(2)).as_matrix()
-    said["rotation"] = (turn @ np.reshape(said["rotation"], (3, 3))).ravel().tolist()
-    said["position"] = (np.array(said["position"]) + rng.normal(size=3) * step).tolist()
-    said["off"] = max(said["off"], 1e-14)
+    entry["rotation"] = (turn @ np.reshape(entry["rotation"], (3, 3))).ravel().tolist()
+    entry["position"] = (np.array(entry["position"]) + rng.normal(size=3) * step).tolist()
+    entry["off"] = max(entry["off"], 1e-14)
 
 
 def resized(case: Case, rng: Random) -> None:
@@ -683,8 +687,8 @@ def clearance(case: Case, rng: Random) -> None:
 
 def claims(case: Case, rng: Random) -> None:
     """Claim something else, something more or less."""
-    said = {*case.head["claims"]} ^ {*rng.choice(sorted(CLAIMS), int(rng.integers(1, 3))).tolist()}
-    case.head["claims"] = sorted(said)
+    content = {*case.head["claims"]} ^ {*rng.choice(sorted(CLAIMS), int(rng.integers(1, 3))).tolist()}
+    case.head["claims"] = sorted(content)
 
 
 def head(case: Case, rng: Random) -> None:
@@ -735,12 +739,12 @@ def groups(case: Case, rng: Random) -> None:
         if rng.random() < 0.2:
             case.cuts[str(rng.integers(len(case.world["bodies"])))] = case.cuts.pop(name)
         else:
-            said, labels = case.cuts[name], np.unique(case.cuts[name])
+            text, labels = case.cuts[name], np.unique(case.cuts[name])
             if rng.random() < 0.3:  # other numbers of the same groups
-                case.cuts[name] = rng.permutation(labels.max() + 3)[said]
+                case.cuts[name] = rng.permutation(labels.max() + 3)[text]
             else:
-                rows = rng.integers(len(said), size=int(rng.integers(1, 5)))
-                said[rows] = rng.choice([*labels, labels.max() + int(rng.integers(2))], size=len(rows))
+                rows = rng.integers(len(text), size=int(rng.integers(1, 5)))
+                text[rows] = rng.choice([*labels, labels.max() + int(rng.integers(2))], size=len(rows))
     elif len(case.rows):
         i = int(rng.integers(len(case.rows)))
         if rng.random() < 0.5:
@@ -775,8 +779,8 @@ def outcome(case: Case, known: dict[str, str]) -> str:
         _, whole = accept(case.world, case.packed())
     except RejectedError:
         return "rejected"
-    said = [case.world, case.head["claims"], case.head["clearance"], case.head["self_clearance"], whole]
-    key = hashlib.sha256(json.dumps(said).encode()).hexdigest()
+    content = [case.world, case.head["claims"], case.head["clearance"], case.head["self_clearance"], whole]
+    key = hashlib.sha256(json.dumps(content).encode()).hexdigest()
     if key not in known:
         known[key] = judged(case.world, case.head, whole)
     return f"false: {known[key]}" if known[key] else "true"

@@ -37,7 +37,7 @@ LONGER, LONGEST = 5.0, 60.0  # times the time limit, up to so much [s]
 AROUND, DRAWS = (0.01, 0.03, 0.1, 0.3), 60  # [rad or m] about an end in which so many configurations are drawn
 REFUSALS = ("too_hurried", "bad_input", "goal_not_reached", "internal")  # and what begins with `end_`
 MEASURED = ("time", "disconnected")  # refusals of which a trial that helps tells more
-SAID = {Status.OFF_PATH, Status.TOO_FAST, Status.OVERLOADED}  # verdicts that name their cause
+NAMING = {Status.OFF_PATH, Status.TOO_FAST, Status.OVERLOADED}  # verdicts that name their cause
 
 require_fields(
     Scene,
@@ -91,7 +91,7 @@ def diagnose(
         cause, text = cause_of_verdict(certificate, CUT_SHORT in failure.notes), certificate.text
         places = [each for each in (certificate.worst, certificate.self_worst) if each]
         blamed = tuple(each.other for each in sorted(places, key=lambda each: each.distance)[:1])
-    named = failure.certificate.status in SAID if isinstance(failure, PlanResult) else cause not in MEASURED
+    named = failure.certificate.status in NAMING if isinstance(failure, PlanResult) else cause not in MEASURED
     if (near := _free_nearby(scene)) and cause in ("end_in_contact", "end_overloaded", "end_off_path"):
         return Diagnosis(cause, f"{CAUSES[cause]}: {text}", near)
     tried = []
@@ -104,8 +104,8 @@ def diagnose(
         if result.certified:
             found = cause if named else trial.cause
             return Diagnosis(found, f"{CAUSES[found]}: {text}", f"{trial.setting}: {_measured(result)}")
-    said = f"none of these helps: {', '.join(tried)}" if tried else "nothing was tried"
-    return Diagnosis(cause, f"{CAUSES[cause]}: {text}", said)
+    advice = f"none of these helps: {', '.join(tried)}" if tried else "nothing was tried"
+    return Diagnosis(cause, f"{CAUSES[cause]}: {text}", advice)
 
 
 def _measured(result: PlanResult) -> str:
@@ -138,8 +138,8 @@ def _trials(scene: Scene, cause: str, blamed: Sequence[str], time_limit: float) 
     if searched or cause == "end_too_close":
         for share in CLEARANCE_FACTORS:
             if (closer := _closer(scene, share)) != scene:
-                asked = scene.planner.clearance
-                own = f" (planner.clearance: {share * asked:.4g})" if asked else ""
+                clearance = scene.planner.clearance
+                own = f" (planner.clearance: {share * clearance:.4g})" if clearance else ""
                 yield _Trial("clearance", f"{share:.0%} of the clearance{own}", closer, seconds)
         for share in SIZE_FACTORS:
             if (surer := _surer(scene, share)) != scene:

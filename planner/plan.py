@@ -186,7 +186,7 @@ def plan(
         notes=tuple(dict.fromkeys((*filter(None, [ended]), *problems[taken].notes, *best.certificate.notes, *notes))),
         objective=searches[taken].objective.achieved(best.path, best.trajectory),
         goal=goal,
-        asked=scene,
+        requested=scene,
         ended=ended,
     )
 

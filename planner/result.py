@@ -58,7 +58,7 @@ class PlanResult:
     notes: tuple[str, ...]  # on what was assumed or left out
     objective: Achieved  # by what certified motions were compared, and how much of it this one has
     goal: JointTarget | None = None  # the one that was chosen, if the scene leaves a choice
-    asked: Scene | None = None  # the planned scene
+    requested: Scene | None = None  # the planned scene
     ended: str = ""  # what the time limit ended, in words; empty if it ended nothing
 
     def __post_init__(self) -> None:
@@ -73,17 +73,17 @@ class PlanResult:
         from hdplan.planner.proof.proof import prove_planned
         from hdplan.scenes.yaml_format.reader import load_scene
 
-        assert self.asked is not None
+        assert self.requested is not None
         with tempfile.TemporaryDirectory() as folder:
-            scene, motion = self.asked.source, Path(folder) / "motion.json"
+            scene, motion = self.requested.source, Path(folder) / "motion.json"
             self.save(motion)
             try:
-                same = load_scene(scene) == self.asked
+                same = load_scene(scene) == self.requested
             except InputError:  # made in Python, or one of MoveIt's
                 same = False
             if not same:
                 scene = Path(folder) / "scene.yaml"
-                self.asked.save(scene)
+                self.requested.save(scene)
             return prove_planned(self, scene, motion)
 
     def __repr__(self) -> str:

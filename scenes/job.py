@@ -240,7 +240,7 @@ class Job(Checked):
 
     def handling(self, name: str) -> str | None:
         """Return the first stage that grips an object, or in which something may touch it; None if there is none."""
-        for said, stage in zip(self.names, self.stages, strict=True):
+        for found, stage in zip(self.names, self.stages, strict=True):
             if getattr(stage, "object", None) == name or any(name in pair for pair in stage.touch):
-                return said
+                return found
         return None

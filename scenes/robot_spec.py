@@ -107,7 +107,7 @@ class RobotSpec(Checked):
     check_pairs: Annotated[tuple[tuple[str, str], ...], Row(pair, of="link pairs")] = ()
     """Checked, although the SRDF disables them or they are neighbours."""
     tracking: Tracking | None = None  # how far the joints may be off while the motion is executed
-    calibration: Calibration | None = None  # how far the base may be from where it is said to stand
+    calibration: Calibration | None = None  # how far the base may be from its nominal pose
     source: str = field(default="", compare=False)  # for error messages: file or option; empty: the scene's file
 
     if TYPE_CHECKING:

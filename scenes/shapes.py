@@ -45,7 +45,7 @@ class Solid(Checked):
     pose: Placement | None = field(default=None, kw_only=True)  # in the world; None: the identity
 
     @property
-    def asked(self) -> Any:
+    def requested(self) -> Any:
         """The shape as a file holds it: itself, or that from which it was read."""
         return self
 

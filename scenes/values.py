@@ -227,13 +227,13 @@ class Checked:
 
     def __repr__(self) -> str:
         """Show the fields that differ from their defaults; long values are cut. For dataclasses with ``repr=False``."""
-        said = []
+        parts = []
         for each in fields(self):  # type: ignore[arg-type]
             value = getattr(self, each.name)
             usual = each.default if each.default_factory is MISSING else each.default_factory()
             if each.repr and value != usual:
-                said.append(f"{each.name}={_shown.repr(value)}")
-        return f"{type(self).__name__}({', '.join(said)})"
+                parts.append(f"{each.name}={_shown.repr(value)}")
+        return f"{type(self).__name__}({', '.join(parts)})"
 
 
 def checked(check: Check, value: object, where: str) -> Any:

@@ -289,19 +289,19 @@ def written() -> str:
     bare.save(TREE / "motion.words")
     again = module.Trajectory.load(TREE / "motion.words")
     assert (again.joint_names, again.positions.tolist()) == (bare.joint_names, bare.positions.tolist())
-    said = came_of(lambda: str(whole.save(TREE / "timed.words")))
+    message = came_of(lambda: str(whole.save(TREE / "timed.words")))
     assert not (TREE / "timed.words").exists()
-    return said
+    return message
 
 
 def greeted() -> str:
-    said, sys.argv = io.StringIO(), ["hdplan", "hello"]
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+    output, sys.argv = io.StringIO(), ["hdplan", "hello"]
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         try:
             part("cli").main()
         except SystemExit as end:
-            return f"{end.code}: {said.getvalue().strip()}"
-    return said.getvalue()
+            return f"{end.code}: {output.getvalue().strip()}"
+    return output.getvalue()
 
 
 PROBES: dict[str, dict[str, Callable[[], str]]] = {  # what is asked after each step, or at last

@@ -43,7 +43,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
     *("planner.job", "planner.batch", "planner.view.drawing", "planner.page", "planner.view", "planner.commands"),
 ]
 
-DOORS = ("distance.__init__", "planner.__init__", "scenes.__init__")  # give names of rooms behind them, when asked
+DOORS = ("distance.__init__", "planner.__init__", "scenes.__init__")  # give names of rooms behind them, on demand
 # The allowed basis of a proof; the compiler is a tool, and no distance is in its room.
 CERTIFICATE = {
     *("scenes", "scenes.robot_files", "planner.geometry", "planner.geometry.mesh_formats", "planner.robot"),
@@ -188,13 +188,13 @@ def test_a_plan_with_a_known_arm_loads_only_what_it_needs() -> None:
     code = (
         "import contextlib, io, sys, hdplan.cli;"
         "sys.argv = ['hdplan', 'plan', 'panda_corridor'];"
-        "said = io.StringIO();"
+        "output = io.StringIO();"
         "code = 1\n"
-        "try:\n    with contextlib.redirect_stdout(said): hdplan.cli.main()\n"
+        "try:\n    with contextlib.redirect_stdout(output): hdplan.cli.main()\n"
         "except SystemExit as end: code = end.code\n"
         "rare = {'scipy', 'pydantic', 'trimesh', 'fcl', 'jax', 'matplotlib', 'viser', 'daqp', 'coacd',"
         " 'rich.progress', 'numpy.ma'};"
-        "print(code, 'certified' in said.getvalue(), sorted(rare & set(sys.modules)))"
+        "print(code, 'certified' in output.getvalue(), sorted(rare & set(sys.modules)))"
     )
     for _ in range(2):  # the first may have to compute what is kept
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -262,9 +262,9 @@ def test_simulate_needs_times_where_the_scene_asks_for_them(hdplan: Command, tmp
 
 def test_codegen_says_what_it_wrote_and_replaces_nothing(hdplan: Command, tmp_path: Path) -> None:
     done = hdplan("codegen", "planar_arm", "-o", "c", "--json")
-    said = json.loads(done.out)
-    assert (done.code, done.err, said["prefix"], said["joints"], said["pairs"]) == (0, "", "planar_arm", 2, 4)
-    assert sorted(said["files"]) == sorted(each.name for each in Path("c").iterdir())
+    content = json.loads(done.out)
+    assert (done.code, done.err, content["prefix"], content["joints"], content["pairs"]) == (0, "", "planar_arm", 2, 4)
+    assert sorted(content["files"]) == sorted(each.name for each in Path("c").iterdir())
     refused(hdplan("codegen", "planar_arm", "-o", "c"), "exists already")
     exact = arm_scene(tmp_path, planner={"distance": "fcl"})
     refused(hdplan("codegen", exact, "-o", "d"), "planner.distance", "hdsdf", "fcl")
@@ -357,8 +357,8 @@ def test_a_proof_is_written_and_checked(hdplan: Command, tmp_path: Path) -> None
     assert (other.code, other.out.split(":")[0]) == (1, "rejected")
     refused(hdplan("plan", "planar_arm", "--proof", proof), "--proof", "-o FILE")
     refused(hdplan("prove", "planar_arm", motion, "-o", str(tmp_path / "m.txt")), ".proof")
-    said = json.loads((tmp_path / "m.json").read_text())
-    said["positions"][5][0] += 0.3
-    (tmp_path / "m.json").write_text(json.dumps(said))
+    content = json.loads((tmp_path / "m.json").read_text())
+    content["positions"][5][0] += 0.3
+    (tmp_path / "m.json").write_text(json.dumps(content))
     assert hdplan("prove", "planar_arm", motion, "-o", str(tmp_path / "o.proof")).code == 1
     assert not (tmp_path / "o.proof").exists()

@@ -96,8 +96,8 @@ def test_ctrl_c_ends_the_checker_of_proofs_without_its_traceback(tmp_path: Path)
     status = Path(f"/proc/{children.read_text().split()[0]}/status")
     until(lambda: caught(status.read_text()) >> (signal.SIGINT - 1) & 1, "Python hears Ctrl-C, and imports libraries")
     os.killpg(child.pid, signal.SIGINT)
-    _, said = child.communicate(timeout=20)
-    assert said == "hdplan: interrupted before anything was found\n"
+    _, message = child.communicate(timeout=20)
+    assert message == "hdplan: interrupted before anything was found\n"
 
 
 @pytest.mark.usefixtures("ctrl_c_is_heard")
@@ -148,8 +148,8 @@ def test_ctrl_c_while_it_starts_is_one_line(after: str) -> None:
             assert started.poll() is None
         started.send_signal(signal.SIGINT)
         out, err = started.communicate(timeout=60)
-    said = [line for line in err.splitlines() if not line.startswith("import time:")]
-    assert (out, said) == ("", ["hdplan: interrupted before anything was found"])
+    lines = [line for line in err.splitlines() if not line.startswith("import time:")]
+    assert (out, lines) == ("", ["hdplan: interrupted before anything was found"])
     assert started.returncode in (130, -signal.SIGINT)
 
 
@@ -166,13 +166,13 @@ def test_a_cache_that_cannot_be_written_is_one_warning(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     done = child("plan", "planar_arm", HDPLAN_CACHE=str(tmp_path / "file" / "cache"))
     assert done.code == 0
-    told = [line for line in done.err.splitlines() if "cache" in line]
-    (line,) = told
+    lines = [line for line in done.err.splitlines() if "cache" in line]
+    (line,) = lines
     assert line.startswith(f"hdplan: note: the cache {tmp_path}/file/cache cannot be written (Not a directory), so ")
     assert "HDPLAN_CACHE" in line
 
 
-def test_an_internal_error_is_shown_whole_where_that_is_asked_for(
+def test_an_internal_error_is_shown_whole_where_that_is_requested(
     hdplan: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*_: object, **__: object) -> None:

@@ -56,9 +56,9 @@ def test_study_distance(hdplan: Command) -> None:
     table = rows(Path("out/distance_study.csv"))
     assert {row["normals"] for row in table} == {"paper", "paper+centre"}
     assert all(float(row["gradient_us"]) > 0 and row["hessian_us"] == "" for row in table)
-    told = Path("out/distance_study.md").read_text(encoding="utf-8")
-    assert told.startswith("# What accuracy")
-    assert "| paper+centre | 2 | 1 mm | float64 |" in told
+    text = Path("out/distance_study.md").read_text(encoding="utf-8")
+    assert text.startswith("# What accuracy")
+    assert "| paper+centre | 2 | 1 mm | float64 |" in text
 
 
 def test_study_planning(hdplan: Command, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -156,7 +156,7 @@ def test_bad_folders_are_one_line_before_the_work(hdplan: Command, command: tupl
         assert words in done.err
 
 
-def test_missing_matplotlib_is_said_before_the_work(hdplan: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_matplotlib_is_reported_before_the_work(hdplan: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     done = hdplan("reproduce", "conservativeness")
     assert done.code == 2

@@ -42,7 +42,7 @@ def refusal(read: Callable[[], object]) -> str:
     return str(caught.value)
 
 
-def said(read: Callable[[], object]) -> str | None:
+def refusal_if_any(read: Callable[[], object]) -> str | None:
     """What is said of a refused file; None if it is read."""
     try:
         read()
@@ -120,7 +120,7 @@ def test_a_document_cut_anywhere_is_read_or_refused(tmp_path: Path) -> None:
             )
         file = tmp_path / "scene.yaml"
         file.write_bytes(bytes(data))
-        words = said(functools.partial(load_scene, file))
+        words = refusal_if_any(functools.partial(load_scene, file))
         assert words is None or (words.startswith(f"{file}: ") and "\n" not in words)
 
 
@@ -209,7 +209,7 @@ def test_a_motion_cut_or_changed_anywhere_is_read_or_refused(tmp_path: Path, end
         else:
             data[where] = int(rng.integers(256))
         file.write_bytes(bytes(data))
-        words = said(functools.partial(Trajectory.load, file))
+        words = refusal_if_any(functools.partial(Trajectory.load, file))
         assert words is None or (words.startswith(f"{file}: ") and "\n" not in words)
         if words is None:
             assert np.isfinite(Trajectory.load(file).positions).all()

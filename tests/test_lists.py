@@ -104,7 +104,7 @@ OF_TORUS, OF_ROUNDED, OF_LIDAR = (
 SWINGING = with_field(PLAIN, "motion", Swinging())
 
 
-# --- where classes are told apart -------------------------------------------------------------------------------------
+# --- where classes are distinguished ----------------------------------------------------------------------------------
 
 CLASSES = {
     **{name: "shape" for name in (*(kind.__name__ for kind in get_args(Shape)), "Solid")},
@@ -213,7 +213,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: writer.scene_text(of(OF_ROUNDED)),
     ),
 }
-"""(file, function, what is told apart) -> calls that must fail, or why it is no list of them."""
+"""(file, function, what is distinguished) -> calls that must fail, or why it is no list of them."""
 
 
 def robot() -> Any:
@@ -237,7 +237,7 @@ def along(constraint: object) -> Scene:
     return with_field(load_scene("empty"), "path", with_field(PathConstraints(), "upright", constraint))
 
 
-def told_apart(path: Path) -> Iterator[tuple[str, str, bool]]:
+def distinguished(path: Path) -> Iterator[tuple[str, str, bool]]:
     """(function, family, whether everything else fails there) for all of a file that tells classes apart."""
 
     def families(node: ast.AST) -> set[str]:
@@ -288,7 +288,7 @@ def test_every_place_that_tells_classes_apart_is_known() -> None:
         (str(path.relative_to(ROOT)), function, family)
         for path in FILES
         if any(name in path.read_text(encoding="utf-8") for name in CLASSES)
-        for function, family, complete in told_apart(path)
+        for function, family, complete in distinguished(path)
         if not complete
     }
     assert found - PLACES.keys() == set(), "passes over what it does not know? end it in assert_never, or say why here"
@@ -405,14 +405,14 @@ def test_those_who_take_a_scene_apart_say_which_fields_they_know() -> None:
 
 NAMED = {  # files that name one of them, and why no other one is passed over there
     "planner/certificate/certifier.py": "a note on masses that torques need",
-    "planner/certificate/limit_checks.py": "the certificate compares what was checked with what is asked",
-    "planner/certificate/path_check.py": "what is said of a tool's speed needs accelerations",
+    "planner/certificate/limit_checks.py": "the certificate compares what was checked with what is required",
+    "planner/certificate/path_check.py": "statements on a tool's speed need accelerations",
     "planner/certificate/rate_check.py": "joints may be off by velocities alone",
     "planner/certificate/torque_check.py": "is about torques",
     "planner/control/braking.py": "keeps velocities, accelerations and jerks, and takes no torques",
     "planner/control/controller.py": "keeps velocities; what was executed is certified",
     "planner/control/simulation.py": "torques are measured in the execution; all others come from the checks",
-    "planner/job/stage_scenes.py": "accelerations are needed; no torques are asked of fingers",
+    "planner/job/stage_scenes.py": "accelerations are needed; no torques are required of fingers",
     "planner/job/world.py": "accelerations are needed",
     "planner/pictures/rates.py": "the first panel has the legend",
     "planner/plan.py": "an order of motions that are improved; others improve the first that is found",
@@ -433,7 +433,7 @@ NAMED = {  # files that name one of them, and why no other one is passed over th
     "planner/terminal/explain_effects.py": "more words for torques; others have a line of their own",
     "planner/terminal/tables.py": "torques have a table of their own; others stand with the rates",
     "planner/timing/limits.py": "ends in an error for others",
-    "planner/timing/moving_ends.py": "braking takes three of them; whether it keeps all is asked of each limit",
+    "planner/timing/moving_ends.py": "braking takes three of them; each limit checks whether it is kept",
     "planner/timing/retiming.py": "accelerations bound the fastest motion, velocities a first guess of it",
     "planner/timing/torque_limit.py": "is about torques",
     "scenes/limits.py": "the table",

@@ -116,7 +116,7 @@ def test_what_fails_leaves_its_block_and_the_rest_is_written(
     assert "first.py: left as it was" in capsys.readouterr().err
 
 
-def test_problems_that_are_not_there_are_asked_for(
+def test_problems_that_are_not_there_are_requested(
     page: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     text = SAMPLE.replace("second.py --count 3", "second.py DIR/panda")

@@ -55,9 +55,9 @@ def build(tree: Path, kind: str, into: Path, **env: str) -> Path:
 
 def wheel_files(wheel: Path) -> dict[str, bytes]:
     """What a wheel holds of hdplan, by name."""
-    with zipfile.ZipFile(wheel) as told:
-        assert len(told.namelist()) == len(set(told.namelist()))
-        return {name: told.read(name) for name in told.namelist() if name.startswith("hdplan/")}
+    with zipfile.ZipFile(wheel) as archive:
+        assert len(archive.namelist()) == len(set(archive.namelist()))
+        return {name: archive.read(name) for name in archive.namelist() if name.startswith("hdplan/")}
 
 
 @pytest.fixture(scope="module")
@@ -100,8 +100,8 @@ def test_without_a_compiler_the_wheel_is_built_without_loops(without_links: Path
 
 
 def test_wheels_of_checkout_and_sdist_are_one(without_links: Path, sdist: Path, tmp_path: Path) -> None:
-    with tarfile.open(sdist) as told:
-        told.extractall(tmp_path, filter="data")
+    with tarfile.open(sdist) as archive:
+        archive.extractall(tmp_path, filter="data")
     (tree,) = [path for path in tmp_path.iterdir() if path.is_dir()]
     of_links = wheel_files(build(ROOT, "wheel", tmp_path / "links"))
     assert of_links == wheel_files(build(tree, "wheel", tmp_path / "sdist"))
@@ -109,11 +109,11 @@ def test_wheels_of_checkout_and_sdist_are_one(without_links: Path, sdist: Path, 
 
 
 def test_the_sdist_holds_everything_once(sdist: Path) -> None:
-    with tarfile.open(sdist) as told:
-        members = [member for member in told.getmembers() if not member.isdir()]
+    with tarfile.open(sdist) as archive:
+        members = [member for member in archive.getmembers() if not member.isdir()]
         assert all(member.isfile() for member in members)
         names = [member.name.partition("/")[2] for member in members]
-        contents = [told.extractfile(member).read() for member in members]
+        contents = [archive.extractfile(member).read() for member in members]
     assert len(names) == len(set(names))
     large = [content for content in contents if len(content) > 500]
     assert len(large) == len(set(large))
@@ -129,8 +129,8 @@ def test_the_sdist_holds_everything_once(sdist: Path) -> None:
 
 def test_an_editable_install_without_links_has_one_path(without_links: Path, tmp_path: Path) -> None:
     wheel = build(without_links, "editable", tmp_path)
-    with zipfile.ZipFile(wheel) as told:
-        (path,) = [told.read(name).decode().strip() for name in told.namelist() if name.endswith(".pth")]
+    with zipfile.ZipFile(wheel) as archive:
+        (path,) = [archive.read(name).decode().strip() for name in archive.namelist() if name.endswith(".pth")]
     code = "from hdplan import cli, scenes, verify; print(*(each.__file__ for each in (cli, scenes, verify)))"
     env = {**os.environ, "PYTHONPATH": path}
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=env, capture_output=True, text=True)

@@ -133,8 +133,8 @@ def test_steps_that_were_cut_off_go_on_as_if_they_were_not(tmp_path: Path, monke
 
     monkeypatch.setattr(narrow_steps, "run", run)
     monkeypatch.setattr(narrow_steps, "problems", problems)
-    asked = argparse.Namespace(folder=tmp_path, set=["cage"], every=1, first=0, give_up=3, time_limit=10.0)
-    whole = list(narrow_steps.planned(asked, [], tmp_path))
+    arguments = argparse.Namespace(folder=tmp_path, set=["cage"], every=1, first=0, give_up=3, time_limit=10.0)
+    whole = list(narrow_steps.planned(arguments, [], tmp_path))
     warm_ups = [(step, number) for step, number, limit in planned if limit == narrow_steps.WARM_UP]
     assert warm_ups == [(step, "001") for step in steps[1:]]
     assert planned[:3] == [(steps[0], number, 10.0) for number in ("000", "001", "001")]
@@ -142,7 +142,7 @@ def test_steps_that_were_cut_off_go_on_as_if_they_were_not(tmp_path: Path, monke
     assert [each.number for each in whole if each.step == steps[1]] == ["001", "003", "004"]
     for cut in range(len(whole) + 1):
         planned.clear()
-        rest = list(narrow_steps.planned(asked, whole[:cut], tmp_path))
+        rest = list(narrow_steps.planned(arguments, whole[:cut], tmp_path))
         assert whole[:cut] + rest == whole
         again = {(step, number) for step, number, _ in planned}
         assert not again & {(each.step, each.number) for each in whole[:cut]}

@@ -43,18 +43,18 @@ def test_what_is_public_is_documented(door: ModuleType, name: str) -> None:
     found = getattr(door, name)
     if isinstance(found, str | tuple):
         return
-    said = inspect.getdoc(found) or ""
-    assert said, name
-    assert not said.startswith(f"{name}("), "what dataclasses write themselves"
+    text = inspect.getdoc(found) or ""
+    assert text, name
+    assert not text.startswith(f"{name}("), "what dataclasses write themselves"
     if isinstance(found, type):
         for member, value in vars(found).items():
             plain = getattr(value, "__func__", getattr(value, "fget", getattr(value, "func", value)))
             if not member.startswith("_") and inspect.isfunction(plain) and plain.__module__.startswith("hdplan"):
                 assert plain.__name__.startswith("_") or inspect.getdoc(plain), f"{name}.{member}"
     elif callable(found):
-        assert "Raises" in said or "errors as" in said, name
-        missing = [argument for argument in inspect.signature(found).parameters if argument not in said]
-        assert not missing or "rguments and errors as" in said, (name, missing)
+        assert "Raises" in text or "errors as" in text, name
+        missing = [argument for argument in inspect.signature(found).parameters if argument not in text]
+        assert not missing or "rguments and errors as" in text, (name, missing)
 
 
 def test_what_a_scene_is_made_of_is_public() -> None:
@@ -159,7 +159,7 @@ def test_a_notebook_shows_the_verdict_and_the_sheet() -> None:
     page = result._repr_html_()
     assert result.certificate.text in page
     assert page.count('src="data:image/png;base64,iVBOR') == 1
-    hostile = dataclasses.replace(result, scene="<script>", asked=None)
+    hostile = dataclasses.replace(result, scene="<script>", requested=None)
     assert "<script>" not in hostile._repr_html_()
     assert "<img" not in hostile._repr_html_()
 

@@ -35,7 +35,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     done = subprocess.run([sys.executable, str(CHILD), str(tree)], capture_output=True, text=True, env=env)
     assert done.returncode == 0, done.stderr[-2000:]
-    return {(recipe, tuple(files), probe): said for recipe, files, probe, said in json.loads(done.stdout)}
+    return {(recipe, tuple(files), probe): outcome for recipe, files, probe, outcome in json.loads(done.stdout)}
 
 
 def steps(recipe: str) -> list[str]:
@@ -55,30 +55,30 @@ def test_the_recipes_are_those_of_the_page(found: Found, recipe: str) -> None:
 
 def test_a_limit_is_certified_once_it_is_checked_and_never_before(found: Found) -> None:
     check = "planner/certificate/limit_checks.py"
-    tried = {key: said for key, said in found.items() if key[0] == "A limit"}
+    tried = {key: outcome for key, outcome in found.items() if key[0] == "A limit"}
     assert len({files for _, files, _ in tried}) == 6  # five steps, and all but the one that names the check
-    for (_, files, probe), said in tried.items():
+    for (_, files, probe), outcome in tried.items():
         if probe.startswith("certify") and check not in files:
-            assert said.startswith("UncheckedError: no certificate: the scene requires limits.torque_rate"), files
+            assert outcome.startswith("UncheckedError: no certificate: the scene requires limits.torque_rate"), files
         elif probe == "certify":
-            assert said.startswith("certified"), files
+            assert outcome.startswith("certified"), files
         elif probe == "certify tightly":
-            assert said.startswith("overloaded: torque_rate"), files
+            assert outcome.startswith("overloaded: torque_rate"), files
         elif probe == "plan" and len(files) < 5:
-            assert re.match("(UncheckedError|LookupError): no .*limits.torque_rate", said), files
+            assert re.match("(UncheckedError|LookupError): no .*limits.torque_rate", outcome), files
         elif probe == "plan":
-            assert said.startswith("certified: ")
-            assert "torque_rate up to" in said
+            assert outcome.startswith("certified: ")
+            assert "torque_rate up to" in outcome
     assert "limits: the checker does not know 'torque_rate' there" in tried["A limit", (*steps("A limit"),), "at last"]
 
 
 def test_a_shape_is_planned_around_once_all_know_it_and_never_before(found: Found) -> None:
     whole = tuple(steps("A shape"))
-    for (recipe, files, _), said in found.items():
+    for (recipe, files, _), outcome in found.items():
         if recipe == "A shape" and files == whole:
-            assert said.startswith("certified: at least ")
+            assert outcome.startswith("certified: at least ")
         elif recipe == "A shape":
-            assert re.search("shape Octahedron (is not supported by the certificate|with radii)", said), files
+            assert re.search("shape Octahedron (is not supported by the certificate|with radii)", outcome), files
 
 
 def test_a_solver_and_a_command_are_there_at_once(found: Found) -> None:

@@ -225,10 +225,10 @@ def test_a_worker_that_dies_or_hangs_is_a_finding_and_the_rest_goes_on(tmp_path)
     assert {0, 1, 2} <= set(draws)
     words = dict(tally.findings)
     assert sorted(words) == [k for k, draw in enumerate(draws) if draw < 3]
-    for k, said in words.items():
-        assert said.startswith({0: "signal 6", 1: "limit of time", 2: "traceback ValueError"}[draws[k]])
+    for k, finding in words.items():
+        assert finding.startswith({0: "signal 6", 1: "limit of time", 2: "traceback ValueError"}[draws[k]])
         kept = tmp_path / "out" / f"case_{k:06d}"
-        assert json.loads((kept / "judge.json").read_text())["finding"] == said
+        assert json.loads((kept / "judge.json").read_text())["finding"] == finding
         assert int((kept / "what.txt").read_text()) % 5 == draws[k]
     assert tally.kinds["fine"] == sum(draw > 2 for draw in draws)
 

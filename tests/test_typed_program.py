@@ -94,26 +94,26 @@ def test_all_parts_take_what_is_documented(tmp_path: Path) -> None:
     assert arm.urdf == Path("arm.urdf").absolute()
 
 
-def test_what_type_checkers_are_told_is_what_runs() -> None:
+def test_what_type_checkers_see_is_what_runs() -> None:
     """The `__init__` that only they see has the arguments, in order, and the defaults of the one that runs."""
     found = 0
     for kind in (getattr(hdplan, name) for name in vars(hdplan)["__all__"]):
         if not isinstance(kind, type):
             continue
         module = sys.modules[kind.__module__]
-        told = [
+        declared = [
             node
             for group in ast.parse(inspect.getsource(kind)).body[0].body  # type: ignore[attr-defined]
             if isinstance(group, ast.If)
             for node in group.body
             if isinstance(node, ast.FunctionDef)
         ]
-        for node in told:
+        for node in declared:
             found += 1
-            node.name, node.decorator_list = "told", []
+            node.name, node.decorator_list = "declared", []
             names: dict[str, Any] = {}
             exec(compile(ast.fix_missing_locations(ast.Module([node], [])), str(module), "exec"), vars(module), names)
-            arguments = [*inspect.signature(names["told"]).parameters.values()][1:]
+            arguments = [*inspect.signature(names["declared"]).parameters.values()][1:]
             runs = inspect.signature(kind).parameters
             usual = {each.name: each.default_factory for each in fields(kind) if callable(each.default_factory)}
             assert [(each.name, each.kind) for each in arguments] == [(each.name, each.kind) for each in runs.values()]

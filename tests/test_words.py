@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import io
 import json
 import re
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -74,7 +76,43 @@ def test_docstrings_and_messages_are_in_plain_words(room: str) -> None:
     assert found == {}
 
 
+def comments(source: str) -> Iterator[tuple[int, str]]:
+    """The comments of a module, with the lines where they end: those on lines of their own joined, with a full stop."""
+    lines, run = source.splitlines(), ""
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            row = token.start[0]
+            run += token.string.lstrip("# ")
+            if lines[row - 1].lstrip().startswith("#") and row < len(lines) and lines[row].lstrip().startswith("#"):
+                run += " "
+            else:
+                yield row, f"{run}."
+                run = ""
+
+
+def named(source: str) -> Iterator[tuple[int, str]]:
+    """The identifiers of a module, with their lines, their parts as words."""
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.NAME:
+            yield token.start[0], token.string.replace("_", " ")
+
+
+@pytest.mark.parametrize("room", [*ROOMS, "tests", "benchmarks"])
+def test_names_and_comments_are_in_plain_words(room: str) -> None:
+    found = {}
+    for path in sorted(ROOMS.get(room, ROOT / room).rglob("*.py")):
+        source = path.read_text(encoding="utf-8")
+        words = [(line, text) for line, text in named(source) if TALK.search(text)]
+        words += [(line, text) for line, text in comments(source) if room in ROOMS and odd(text)]
+        found |= {f"{path.relative_to(ROOT)}:{line}": text for line, text in words}
+    assert found == {}
+
+
 def test_odd_words_are_found() -> None:
+    assert [text for _, text in comments("# The bodies\n# it works with\nx = 1  # a link\n") if odd(text)] == [
+        "The bodies it works with."
+    ]
+    assert [text for _, text in named("_told_apart = x.saida") if TALK.search(text)] == [" told apart"]
     assert odd("The bodies that it works with.") == ["The bodies that it works with."]
     assert odd("A link is asked.") == ["A link is asked"]
     assert odd("The bodies, with their `asked` values: by link, from 0 to 1.") == []

@@ -153,7 +153,7 @@ def run(
 def serve(attack: Attack, name: str, seed: int, folder: Path) -> None:
     """Be a worker: answer each number that comes with what became of that case."""
     answers = os.fdopen(os.dup(1), "w", buffering=1)
-    quiet = os.open(folder / "said.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    quiet = os.open(folder / "printed.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(quiet, 1)  # what libraries print is no answer
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     if name not in ("distance",):  # XLA asks for more than it takes
@@ -271,6 +271,6 @@ class _Worker:
         self.child.kill()
         code = self.child.wait()
         self.close()
-        said = (self.folder / "errors.txt").read_text(errors="replace").strip().splitlines()
-        last = said[-1][:300] if said else ""
+        lines = (self.folder / "errors.txt").read_text(errors="replace").strip().splitlines()
+        last = lines[-1][:300] if lines else ""
         return f"limit of time reached {last}" if over else f"signal {-code} {last}"

@@ -71,32 +71,37 @@ def check(folder: Path) -> Outcome:
         return Outcome("traceback", f"traceback: {(done.crash or done.err).strip().splitlines()[-1]}"[:300])
     if done.code == 2:
         short = re.sub(r"[-\d.e+]+", "#", done.err.strip())[:200]
-        said = done.err.strip().splitlines()
-        return Outcome("refused", "" if len(said) <= 2 else f"refused in {len(said)} lines: {short}")
+        lines = done.err.strip().splitlines()
+        return Outcome("refused", "" if len(lines) <= 2 else f"refused in {len(lines)} lines: {short}")
     if done.code not in (0, 1):
         return Outcome("code", f"exit code {done.code}: {done.err.strip()[:200]}")
     from hdplan.planner.robot.scene_robot import load_scene_robot
     from hdplan.scenes.yaml_format.reader import load_scene
 
-    said = json.loads(done.out)
+    lines = json.loads(done.out)
     motion = rows.read(folder / file)
     world = World(folder / "scene.yaml", motion.names)
-    if said["status"] != "certified":
-        return Outcome(said["status"], "", 1, _pessimism(world, motion, said))
+    if lines["status"] != "certified":
+        return Outcome(lines["status"], "", 1, _pessimism(world, motion, lines))
     leave = excused(world, load_scene_robot(load_scene(folder / "scene.yaml")), motion.names)
     world.pairs = [pair for pair in world.pairs if pair not in leave]
-    found = judge.refute(world, motion, said["clearance_m"], said["self_clearance_m"])
+    found = judge.refute(world, motion, lines["clearance_m"], lines["self_clearance_m"])
     if found:
-        return Outcome("refuted", f"refuted: {'; '.join(found)[:300]} ({said['text'][:120]})", 1, {"verdict": said})
+        return Outcome("refuted", f"refuted: {'; '.join(found)[:300]} ({lines['text'][:120]})", 1, {"verdict": lines})
     return Outcome("certified")
 
 
-def _pessimism(world: World, motion: rows.Rows, said: dict[str, Any]) -> dict[str, int]:
+def _pessimism(world: World, motion: rows.Rows, content: dict[str, Any]) -> dict[str, int]:
     """Count a contact with an obstacle where the judge finds the two bodies free."""
-    worst = said.get("worst")
-    if said["status"] != "in_contact" or not worst or worst["distance_m"] > 0.0 or worst["link"] not in said["text"]:
+    worst = content.get("worst")
+    if (
+        content["status"] != "in_contact"
+        or not worst
+        or worst["distance_m"] > 0.0
+        or worst["link"] not in content["text"]
+    ):
         return {}
-    if worst["obstacle"] not in said["text"]:
+    if worst["obstacle"] not in content["text"]:
         return {}
     where = worst["parameter"] * (len(motion.positions) - 1)
     interval = min(int(where), len(motion.positions) - 2)
@@ -112,8 +117,8 @@ def _pessimism(world: World, motion: rows.Rows, said: dict[str, Any]) -> dict[st
 
 def excused(world: World, robot: Any, names: tuple[str, ...]) -> set[tuple[int, int]]:
     """Return the pairs of links that hdplan says it leaves out as always touching, where the judge finds the same."""
-    said = {frozenset(pair) for pair, why in robot.unchecked.items() if why == ALWAYS}
-    pairs = [p for p in world.pairs if frozenset((world.bodies[p[0]].name, world.bodies[p[1]].name)) in said]
+    always = {frozenset(pair) for pair, why in robot.unchecked.items() if why == ALWAYS}
+    pairs = [p for p in world.pairs if frozenset((world.bodies[p[0]].name, world.bodies[p[1]].name)) in always]
     if not pairs:
         return set()
     joints = [world.machine.by_name[name] for name in names]

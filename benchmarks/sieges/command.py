@@ -65,16 +65,16 @@ def _parser(app: typer.Typer) -> Any:
 @contextlib.contextmanager
 def _heard() -> Iterator[list[str]]:
     """Keep what libraries write to the streams themselves."""
-    said: list[str] = []
+    messages: list[str] = []
     with tempfile.TemporaryFile() as file:
         kept = [os.dup(stream) for stream in (1, 2)]
         for stream in (1, 2):
             os.dup2(file.fileno(), stream)
         try:
-            yield said
+            yield messages
         finally:
             for stream, old in zip((1, 2), kept, strict=True):
                 os.dup2(old, stream)
                 os.close(old)
             file.seek(0)
-            said.append(file.read().decode(errors="replace"))
+            messages.append(file.read().decode(errors="replace"))

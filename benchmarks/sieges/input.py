@@ -38,9 +38,9 @@ def attack(rng: np.random.Generator, folder: Path) -> Outcome:
 def judged(folder: Path, words: list[str]) -> Outcome:
     """Run the command and say whether it ended as it must."""
     done = command.hdplan(*words, folder=folder)
-    said = [line for line in done.err.splitlines() if line.strip() and not line.startswith(NOTE)]
+    lines = [line for line in done.err.splitlines() if line.strip() and not line.startswith(NOTE)]
     inner = [line for line in done.err.splitlines() if line.startswith(NOTE) and any(word in line for word in INNER)]
-    last = said[-1][:240] if said else ""
+    last = lines[-1][:240] if lines else ""
     if done.crash:
         (folder / "traceback.txt").write_text(done.crash)
         return Outcome("traceback", f"traceback ({words[0]}): {done.crash.strip().splitlines()[-1]}"[:300])
@@ -51,9 +51,9 @@ def judged(folder: Path, words: list[str]) -> Outcome:
         return Outcome("lines", f"words of a library's ({words[0]}): {inner[0][:200]}")
     if done.code not in (0, 1, 2):
         return Outcome("code", f"exit code {done.code} ({words[0]}): {last}")
-    if done.code == 2 and (len(said) != 1 or not said[0].startswith("hdplan: ")):
-        return Outcome("lines", f"{len(said)} lines with exit code 2 ({words[0]}): {last}")
-    if done.code < 2 and said and LATE not in said[0]:
+    if done.code == 2 and (len(lines) != 1 or not lines[0].startswith("hdplan: ")):
+        return Outcome("lines", f"{len(lines)} lines with exit code 2 ({words[0]}): {last}")
+    if done.code < 2 and lines and LATE not in lines[0]:
         return Outcome("lines", f"words on the error stream with exit code {done.code} ({words[0]}): {last}")
     return Outcome(f"exit code {done.code}")
 

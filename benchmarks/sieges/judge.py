@@ -51,21 +51,21 @@ def _places(world: World, rows: Rows, q: Array, times: Array, clearance: float, 
     if not world.pairs:
         return []
     less = _ends_are_closer(world, rows.names)
-    asked = np.array([_asked(world, pair, clearance, own, less) for pair in world.pairs])
+    required = np.array([_required(world, pair, clearance, own, less) for pair in world.pairs])
     places = world.places(rows.names, q, times)
     for pair, place in inside(world, places):
         return [f"{_names(world, pair)}: inside at {_when(rows, place, q)}"]
     chosen = np.unique(np.linspace(0, len(q) - 1, COARSE).round().astype(int))
     nearest: list[Nearest] = []
     for _ in range(3):
-        nearest += closest(world, places, chosen, asked)
+        nearest += closest(world, places, chosen, required)
         for each in nearest:
             reach = float(np.abs(places[list(each.pair), each.place, :3, 3]).max())
-            must = asked[world.pairs.index(each.pair)]
+            must = required[world.pairs.index(each.pair)]
             if each.high < must - GRANTED * (1.0 + reach):
                 where = _when(rows, each.place, q)
                 return [f"{_names(world, each.pair)}: {each.high:.6g} m at {where}, claimed {must:.6g} m"]
-        nearest = sorted(nearest, key=lambda each: each.high - asked[world.pairs.index(each.pair)])[:4]
+        nearest = sorted(nearest, key=lambda each: each.high - required[world.pairs.index(each.pair)])[:4]
         step = max(1, len(q) // COARSE // 4)
         around = [each.place + move for each in nearest for move in (-2 * step, -step, step, 2 * step)]
         chosen = np.unique(np.clip(around, 0, len(q) - 1)) if around else np.arange(0)
@@ -152,22 +152,22 @@ def _points(world: World, body: int) -> Array:
 
 def limits(world: World, rows: Rows, interval: Index, s: Array) -> list[str]:
     """Return which limits of positions and rates do not hold."""
-    found, asked = [], world.content.get("limits") or {}
+    found, section = [], world.content.get("limits") or {}
     q = rows.at(interval, s)
     for name in world.planned:
         joint, column = world.machine.by_name[name], q[:, rows.names.index(name)]
-        low, high = (asked.get("position") or {}).get(name, (-np.inf, np.inf))
+        low, high = (section.get("position") or {}).get(name, (-np.inf, np.inf))
         low, high = max(low, joint.low), min(high, joint.high)
         beyond = max(low - column.min(), column.max() - high)
         if beyond > ANGLE * max(1.0, abs(column).max()):
             found.append(f"joint {name}: {beyond:.3g} beyond its limits of position")
     for order, key in enumerate(("velocity", "acceleration", "jerk"), start=1):
-        if key not in asked:
+        if key not in section:
             continue
         rate = rows.at(interval, s, order)
         shortest = 1.0 if rows.times is None else float(np.diff(rows.times).min())
         noise = ROUNDING * (1.0 + np.abs(q).max()) / shortest**order  # of equal positions a moment apart
-        limit = per_joint(world, asked[key], "speed")
+        limit = per_joint(world, section[key], "speed")
         for name in world.planned:
             share = (np.abs(rate[:, rows.names.index(name)]).max() - noise) / limit[name]
             if share > 1.0 + SHARE:
@@ -188,27 +188,27 @@ def _jumps(rows: Rows, order: int) -> list[str]:
     return [f"derivative {order} jumps by {jumps.max():.3g}"] if jumps.max() > JUMP * size else []
 
 
-def per_joint(world: World, asked: Any, urdf: str) -> dict[str, float]:
+def per_joint(world: World, limit: Any, urdf: str) -> dict[str, float]:
     """Return a limit for each planned joint in whichever of the scene's forms it comes."""
     own = {name: getattr(world.machine.by_name[name], urdf) for name in world.planned}
-    if asked == "urdf":
+    if limit == "urdf":
         return own
-    if isinstance(asked, dict):
-        return {**own, **asked}
-    values = asked if isinstance(asked, list) else [asked] * len(world.planned)
+    if isinstance(limit, dict):
+        return {**own, **limit}
+    values = limit if isinstance(limit, list) else [limit] * len(world.planned)
     order = [joint.name for joint in world.machine.order if joint.name in world.planned]
     return dict(zip(order, map(float, values), strict=True))
 
 
 def _torques(world: World, rows: Rows, interval: Index, s: Array) -> list[str]:
-    asked = (world.content.get("limits") or {}).get("torque")
-    if asked is None:
+    stated = (world.content.get("limits") or {}).get("torque")
+    if stated is None:
         return []
     if rows.velocities is None:
         return ["torques: certified without velocities"]
     motion = world.motion(rows, interval, s)
     torques = np.abs(world.machine.torques(motion, world.masses(), world.planned)).max(axis=0)
-    limit = per_joint(world, asked, "effort")
+    limit = per_joint(world, stated, "effort")
     found = [
         f"joint {name}: torque {torque:.6g}, its limit is {limit[name]:.6g}"
         for name, torque in zip(world.planned, torques, strict=True)
@@ -219,15 +219,15 @@ def _torques(world: World, rows: Rows, interval: Index, s: Array) -> list[str]:
 
 def _path(world: World, rows: Rows, q: Array) -> list[str]:
     """Return which constraint of the whole way does not hold."""
-    asked, found = world.content.get("path") or {}, []
-    if not asked:
+    constraints, found = world.content.get("path") or {}, []
+    if not constraints:
         return []
     frames = world.machine.frames(world.values(rows.names, q), world.base)
-    if (upright := asked.get("upright")) is not None:
+    if (upright := constraints.get("upright")) is not None:
         angle = tilt(frames[upright["link"]], np.array(upright.get("axis", [0, 0, 1]), dtype=float)).max()
         if angle > upright.get("tolerance", 0.1) + ANGLE:
             found.append(f"upright: tilted by {angle:.9g} rad")
-    if (box := asked.get("position")) is not None:
+    if (box := constraints.get("position")) is not None:
         points = frames[box["link"]] @ [*box.get("point", [0, 0, 0]), 1.0]
         local = (points @ np.linalg.inv(poses.of_scene(box)).T)[:, :3]
         beyond = (np.abs(local) - np.array(box["size"], dtype=float) / 2).max()
@@ -242,28 +242,28 @@ def tilt(frames: Array, axis: Array) -> Array:
     return np.asarray(np.arctan2(np.linalg.norm(turned[:, :2], axis=1), turned[:, 2]))
 
 
-def _asked(world: World, pair: tuple[int, int], clearance: float, own: float, less: bool) -> float:
+def _required(world: World, pair: tuple[int, int], clearance: float, own: float, less: bool) -> float:
     if pair[1] < world.robot_count:
-        return max(own, world.own_asked)
+        return max(own, world.own_required)
     name = world.bodies[pair[1]].name
-    return clearance if less and name not in world.insist else max(clearance, world.asked[name])
+    return clearance if less and name not in world.insist else max(clearance, world.required[name])
 
 
 def _ends_are_closer(world: World, names: tuple[str, ...]) -> bool:
     """Whether the scene's own start or goal is closer than planner.clearance: less is asked for then."""
-    asked = (world.content.get("planner") or {}).get("clearance", 0.0)
+    clearance = (world.content.get("planner") or {}).get("clearance", 0.0)
     ends = [(world.content.get(end) or {}).get("joints") for end in ("start", "goal")]
     given = [end for end in ends if isinstance(end, dict)]
-    if not asked or len(given) < 2:
+    if not clearance or len(given) < 2:
         return False
     q = np.array([[end[name] for name in names] for end in given])
     times = np.array([0.0, (world.content.get("timing") or {}).get("duration", 0.0)])
     places = world.places(names, q, times)
     if inside(world, places, open_too=True):
         return True
-    near = closest(world, places, np.arange(2), np.full(len(world.pairs), asked + 1e-6))
+    near = closest(world, places, np.arange(2), np.full(len(world.pairs), clearance + 1e-6))
     outer = [each for each in near if each.pair[1] >= world.robot_count]
-    return any(each.high < asked + 1e-6 and world.bodies[each.pair[1]].name not in world.insist for each in outer)
+    return any(each.high < clearance + 1e-6 and world.bodies[each.pair[1]].name not in world.insist for each in outer)
 
 
 def _names(world: World, pair: tuple[int, int]) -> str:

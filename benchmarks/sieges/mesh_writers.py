@@ -134,10 +134,10 @@ def obj(rng: np.random.Generator) -> tuple[bytes, Array]:
         back = rng.random() < 0.4
         for polygon in own:
             rows = [start + i for i in polygon]
-            told = [form.format(row - len(held) if back else row + 1) for row in rows]
-            line = _words(rng, ["f", *told])
+            indices = [form.format(row - len(held) if back else row + 1) for row in rows]
+            line = _words(rng, ["f", *indices])
             if rng.random() < 0.1:
-                line = line[: (at := line.rindex(told[-1]))] + "\\\n " + line[at:]
+                line = line[: (at := line.rindex(indices[-1]))] + "\\\n " + line[at:]
             lines.append(line)
             polygons.append(rows)
         lines += [["l 1 2"], ["p 1"], ["# f 1 2 3"], []][rng.integers(4)]

@@ -116,14 +116,14 @@ def _robot(rng: Rng, folder: Path) -> tuple[str, str]:
         kind = str(rng.choice(["revolute", "continuous", "prismatic", "fixed"], p=[0.5, 0.2, 0.2, 0.1]))
         kind = "revolute" if i == 1 else kind
         limit = f"<limit {_attributes(rng, lower='-1.5', upper=_number(rng, 1.0), effort='1', velocity='2')}/>"
-        said = [f"<parent link='l{int(rng.integers(i))}'/>", f"<child link='l{i}'/>"]
-        said += [f"<axis {_attribute(rng, 'xyz', _row(rng, 3))}/>"] if rng.random() < 0.8 else []
-        said += [_origin(rng)] if rng.random() < 0.8 else []
-        said += [limit] if kind not in ("continuous", "fixed") else []
-        said += ["<dynamics damping='1' friction='0'/>"] if rng.random() < 0.2 else []
-        rng.shuffle(said)
+        children = [f"<parent link='l{int(rng.integers(i))}'/>", f"<child link='l{i}'/>"]
+        children += [f"<axis {_attribute(rng, 'xyz', _row(rng, 3))}/>"] if rng.random() < 0.8 else []
+        children += [_origin(rng)] if rng.random() < 0.8 else []
+        children += [limit] if kind not in ("continuous", "fixed") else []
+        children += ["<dynamics damping='1' friction='0'/>"] if rng.random() < 0.2 else []
+        rng.shuffle(children)
         joints.append(f"j{i}")
-        parts.append(f"<joint {_attributes(rng, name=f'j{i}', type=kind)}>{''.join(said)}</joint>")
+        parts.append(f"<joint {_attributes(rng, name=f'j{i}', type=kind)}>{''.join(children)}</joint>")
     parts += [str(each) for each in rng.choice(VENDORS, int(rng.integers(0, 3)), replace=False)]
     rng.shuffle(parts)
     head = '<?xml version="1.0"?>\n' if rng.random() < 0.5 else ""
@@ -166,9 +166,9 @@ def _origin(rng: Rng) -> str:
 
 
 def _attributes(rng: Rng, **values: str) -> str:
-    said = [_attribute(rng, key, value) for key, value in values.items()]
-    rng.shuffle(said)
-    return " ".join(said)
+    attributes = [_attribute(rng, key, value) for key, value in values.items()]
+    rng.shuffle(attributes)
+    return " ".join(attributes)
 
 
 def _attribute(rng: Rng, name: str, value: str) -> str:
@@ -279,9 +279,9 @@ def _difference(rng: Rng, robot: Robot, model: Any, geometry: Any) -> str:
         for name, value in values.items():
             joint = model.joints[model.getJointId(name)]
             whole[joint.idx_q : joint.idx_q + joint.nq] = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
-        ours, said = _placed(robot.model, robot.collision, robot.pin_q(q)), _placed(model, geometry, whole)
+        ours, pinocchio = _placed(robot.model, robot.collision, robot.pin_q(q)), _placed(model, geometry, whole)
         for mine, other in pairs:
-            if not np.allclose(ours[mine], said[other], rtol=0, atol=CLOSE):
+            if not np.allclose(ours[mine], pinocchio[other], rtol=0, atol=CLOSE):
                 return f"place of {geometry.geometryObjects[other].name} at {values}"
     return ""
 
@@ -330,9 +330,9 @@ def _difference_of_words(robot: Robot, model: Any, geometry: Any, srdf: Path) ->
     for name, groups in robot.semantics.states.items():
         for joint, value in ((j, v) for state in groups.values() for j, v in state.items() if j in {*model.names}):
             kind = model.joints[model.getJointId(joint)]
-            told = model.referenceConfigurations[name][kind.idx_q]
-            if kind.nq == 1 and abs(told - value) > CLOSE:  # Pinocchio passes over joints without limits
-                return f"state {name}, joint {joint}: {value} and {told}"
+            expected = model.referenceConfigurations[name][kind.idx_q]
+            if kind.nq == 1 and abs(expected - value) > CLOSE:  # Pinocchio passes over joints without limits
+                return f"state {name}, joint {joint}: {value} and {expected}"
     return ""
 
 

@@ -61,10 +61,10 @@ def _compare(certifier: Any, world: World, names: tuple[str, ...], q: Array, pla
     places = world.places(names, q[None], np.array([time]))
     own = [pair for pair in world.pairs if pair[1] < world.robot_count]
     outer = [pair for pair in world.pairs if pair[1] >= world.robot_count]
-    said = certifier.nearest(planned, time=time)
+    nearest = certifier.nearest(planned, time=time)
     contacts = {frozenset((each.link, each.other)) for each in certifier.contacts(planned, time)}
     every, extra = world.pairs, _every(world)
-    for word, pairs, place in (("obstacles", outer, said[0]), ("links", own, said[1])):
+    for word, pairs, place in (("obstacles", outer, nearest[0]), ("links", own, nearest[1])):
         world.pairs = pairs
         if not pairs or (place is None and not any(each.high < 100.0 for each in _near(world, places, 100.0))):
             world.pairs = every

@@ -76,13 +76,13 @@ class World:
         rows = [(k, *row) for k, body in enumerate(self.bodies) for row in body.rows]
         self.pieces = Pieces.of(rows)
         self.carrier = [self.machine.carrier(body.link, set(self.planned)) if body.link else "" for body in self.bodies]
-        self.asked = {
+        self.required = {
             item["name"]: item.get("clearance", (self.content.get("planner") or {}).get("clearance", 0.0))
             for item in self.content.get("obstacles") or []
         }
         self.insist = {item["name"] for item in self.content.get("obstacles") or [] if "clearance" in item}
         own = self.content.get("self_collision", True)
-        self.own_asked = own.get("clearance", 0.0) if isinstance(own, dict) else 0.0
+        self.own_required = own.get("clearance", 0.0) if isinstance(own, dict) else 0.0
         self.checks_own = own is not False
         self.pairs = self._pairs(_disabled(srdf), {frozenset(pair) for pair in robot.get("ignore_pairs") or []})
 

@@ -165,8 +165,8 @@ def _loaded(name: str, source: str, load: Callable[[str], Library], more: tuple[
                 check_time("compiling the distance")
                 raise
             if outcome.returncode:
-                said = outcome.stderr.strip().splitlines()[-1:]
-                warnings.warn(f"{command[0]} failed on {name}: {said}; interpreting", stacklevel=2)
+                reason = outcome.stderr.strip().splitlines()[-1:]
+                warnings.warn(f"{command[0]} failed on {name}: {reason}; interpreting", stacklevel=2)
                 return None
             data = built.read_bytes()
             write_whole(home / f"{stem}-{content_key(data)}.so", data)

@@ -163,7 +163,7 @@ def _column(
     """Return the outputs for one sign."""
     length = inputs[6]
     # x/m below contact, m/x above: the factor that is the same for all pairs
-    if apart:  # always so; said for graphs that evaluate all cases and choose afterwards
+    if apart:  # always true; stated for graphs that evaluate all cases and choose afterwards
         scale = ca.if_else(extreme > TINY_NUMBER, extreme, 1)
     else:
         scale = ca.if_else(extreme < -TINY_NUMBER, 1 / ca.fmin(extreme, -TINY_NUMBER), 0)

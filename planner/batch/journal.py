@@ -105,24 +105,24 @@ def _whole_lines(path: Path) -> Iterator[tuple[int, bytes]]:
 
 
 def _plain(outcome: Outcome) -> dict[str, Any]:
-    said = {key: value for key, value in vars(outcome).items() if key not in ("trajectory", "files")}
+    record = {key: value for key, value in vars(outcome).items() if key not in ("trajectory", "files")}
     motion = outcome.trajectory
     if motion is None:
-        return said
+        return record
     given = {key: getattr(motion, key) for key in ARRAYS}
     arrays = {key: base64.b64encode(x.astype("<f8").tobytes()).decode() for key, x in given.items() if x is not None}
     marks = [[mark.name, mark.row] for mark in motion.stages]
     about = {"joint_names": motion.joint_names, "locked": dict(motion.locked), "stages": marks}
-    return {**said, "trajectory": {**about, **arrays}}
+    return {**record, "trajectory": {**about, **arrays}}
 
 
-def _outcome(said: dict[str, Any]) -> Outcome:
-    del said["number"]
-    motion = said.pop("trajectory", None)
+def _outcome(record: dict[str, Any]) -> Outcome:
+    del record["number"]
+    motion = record.pop("trajectory", None)
     if motion is not None:
         names = tuple(motion["joint_names"])
         arrays = {key: np.frombuffer(base64.b64decode(motion[key]), "<f8") for key in ARRAYS if key in motion}
         shaped: dict[str, Any] = {key: x if key == "times" else x.reshape(-1, len(names)) for key, x in arrays.items()}
         marks = tuple(StageMark(*mark) for mark in motion.get("stages", ()))
         motion = Trajectory(names, locked=motion["locked"], stages=marks, **shaped)
-    return Outcome(**said, trajectory=motion)
+    return Outcome(**record, trajectory=motion)

@@ -215,14 +215,14 @@ def _statistics(episodes: Iterable[_Episode], fps: int) -> dict[str, dict[str, l
     for key, some in parts.items():
         values = np.concatenate(some).astype(np.float64)
         values = values if values.ndim == 2 else values[:, None]
-        said = {"min": values.min(0), "max": values.max(0), "mean": values.mean(0), "std": values.std(0)}
-        said |= {name: np.quantile(values, share, axis=0) for name, share in QUANTILES.items()}
-        found[key] = {**{name: each.tolist() for name, each in said.items()}, "count": [len(values)]}
+        summary = {"min": values.min(0), "max": values.max(0), "mean": values.mean(0), "std": values.std(0)}
+        summary |= {name: np.quantile(values, share, axis=0) for name, share in QUANTILES.items()}
+        found[key] = {**{name: each.tolist() for name, each in summary.items()}, "count": [len(values)]}
     return found
 
 
 def _flat(statistics: dict[str, dict[str, list[float]]]) -> dict[str, list[float]]:
-    return {f"stats/{key}/{name}": value for key, said in statistics.items() for name, value in said.items()}
+    return {f"stats/{key}/{name}": value for key, summary in statistics.items() for name, value in summary.items()}
 
 
 def _write_meta(folder: Path, about: Any, statistics: Any, episodes: list[dict[str, Any]]) -> None:
@@ -245,6 +245,6 @@ def _write_names(file: Path, column: str, names: dict[str, int]) -> None:
     table = pyarrow.table({column: list(names.values()), index: list(names)})
     plain = {"field_name": index, "name": None, "pandas_type": "unicode", "numpy_type": "object", "metadata": None}
     number = {"field_name": column, "name": column, "pandas_type": "int64", "numpy_type": "int64"}
-    said = {"index_columns": [index], "column_indexes": [], "columns": [{**number, "metadata": None}, plain]}
-    table = table.replace_schema_metadata({"pandas": json.dumps({**said, "pandas_version": "2.2.0"})})
+    schema = {"index_columns": [index], "column_indexes": [], "columns": [{**number, "metadata": None}, plain]}
+    table = table.replace_schema_metadata({"pandas": json.dumps({**schema, "pandas_version": "2.2.0"})})
     pyarrow.parquet.write_table(table, file)

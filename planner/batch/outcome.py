@@ -94,8 +94,8 @@ def solve(job: Job, options: Options) -> Outcome:
             return outcome if scene is None else _diagnosed(outcome, scene, error, job, options)
         except Exception as error:
             words = " ".join(f"{type(error).__name__}: {error}".split())
-            said = f"internal error, please report it: {traceback.format_exc() if debugging() else words}"
-            return _without_motion(job, "error", "internal", said, began, files)
+            text = f"internal error, please report it: {traceback.format_exc() if debugging() else words}"
+            return _without_motion(job, "error", "internal", text, began, files)
 
 
 def _diagnosed(

@@ -68,8 +68,8 @@ def export_lerobot(folder: Path, jobs: Sequence[Job], options: Options, fps: int
     InputError as `write_lerobot`."""
     with claimed(folder, jobs, options) as journal:
         groups = ((outcome, jobs[number].group) for number, outcome in journal)
-        told = ((outcome, _does(outcome) + (group and f" in {group}")) for outcome, group in groups)
-        return write_lerobot(folder / LEROBOT, told, fps)
+        motions = ((outcome, _does(outcome) + (group and f" in {group}")) for outcome, group in groups)
+        return write_lerobot(folder / LEROBOT, motions, fps)
 
 
 def _does(outcome: Outcome) -> str:
@@ -81,7 +81,7 @@ def _does(outcome: Outcome) -> str:
 @contextlib.contextmanager
 def claimed(folder: Path, jobs: Sequence[Job], options: Options) -> Iterator[Journal]:
     """Yield the journal of a run, which no other process has at the same time. Raises InputError."""
-    said = {"hdplan": metadata.version("hdplan"), "problems": len(jobs), "sha256": _identity(jobs), **asdict(options)}
+    header = {"hdplan": metadata.version("hdplan"), "problems": len(jobs), "sha256": _identity(jobs), **asdict(options)}
     about = folder / RUN
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -92,9 +92,9 @@ def claimed(folder: Path, jobs: Sequence[Job], options: Options) -> Iterator[Jou
         raise InputError(f"{folder}: holds files that do not belong to a run; name an empty or new folder")
     with contextlib.closing(Journal(folder / JOURNAL)) as journal:
         if not about.exists():
-            write_output(about, json.dumps(said, indent=1).encode())
+            write_output(about, json.dumps(header, indent=1).encode())
         before = read_run(folder)
-        if unlike := [key for key in said if before.get(key) != said[key]]:
+        if unlike := [key for key in header if before.get(key) != header[key]]:
             key = unlike[0]
             words = "other problems, or in another order" if key == "sha256" else f"{key}: {before.get(key)}"
             raise InputError(f"{folder}: holds a run with {words}; name another folder")
@@ -107,12 +107,12 @@ def read_run(folder: FilePath) -> dict[str, Any]:
     if not os.path.isfile(about):
         raise InputError(f"{folder}: is no folder of a run ({RUN} is missing)")
     try:
-        said = json.loads(read_file(about))
+        header = json.loads(read_file(about))
     except ValueError:
-        said = None
-    if not isinstance(said, dict) or not isinstance(said.get("problems"), int):
+        header = None
+    if not isinstance(header, dict) or not isinstance(header.get("problems"), int):
         raise InputError(f"{about}: is no run's description")
-    return said
+    return header
 
 
 def _identity(jobs: Sequence[Job]) -> str:

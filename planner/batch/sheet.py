@@ -27,8 +27,8 @@ def run_sheet(rows: Rows, title: str) -> Figure:
     with rc_context(RC):
         figure = Figure(figsize=(11.5, 6.6), dpi=150, facecolor="white")
         figure.text(0.02, 0.96, plain(title, 100), fontsize=12, weight="bold", color=INK, va="center")
-        said = f"{len(certified)} of {len(rows)} problems certified"
-        figure.text(0.02, 0.925, said, fontsize=9.5, color=INK, va="center")
+        text = f"{len(certified)} of {len(rows)} problems certified"
+        figure.text(0.02, 0.925, text, fontsize=9.5, color=INK, va="center")
         grid = figure.add_gridspec(
             2, 3, left=0.14, right=0.98, bottom=0.08, top=0.86, wspace=0.3, hspace=0.42, width_ratios=(1.2, 1, 1)
         )

@@ -79,7 +79,7 @@ def certify(
         trajectory: joints by name, in any order.
         robot: the scene's robot, if it is already loaded.
         required: clearance [m] that must be proven between the robot and obstacles without a clearance of their own; 0
-            means free of contact; None means the scene's value, `Certifier.asked`.
+            means free of contact; None means the scene's value, `Certifier.required`.
         check_ends: whether the first and last waypoints must be the scene's start and goal.
 
     Raises:
@@ -199,7 +199,7 @@ class Certifier:
             refuse_large_motion(self.sweep.bodies, self._fields, moved, self.robot.unfolded.joint_names)
         self._check_times(curve)
         limits = () if beyond else tuple(check.check(curve) for check in self.limits)
-        required, reductions = self.asked(curve, passing) if required is None else (required, ())
+        required, reductions = self.required(curve, passing) if required is None else (required, ())
         floor = self.floor(required)
         proof = Proof() if beyond else self.sweep.prove(moved, floor, suspect, shortest, measured)
         path = None if self.path is None or beyond else self.path.prove(moved)
@@ -217,7 +217,7 @@ class Certifier:
             covered |= self._compared if proof.whole else set()
             covered |= ends.keys() | (path.covered if path else set())
             refuse_gaps(self._required | (ends_of(self.scene) if check_ends else set()), frozenset(covered))
-        check_as_loaded(self.robot)  # at the end: another thread may have changed it while it was looked at
+        check_as_loaded(self.robot)  # at the end: another thread may have changed it meanwhile
         found = Findings(
             curve,
             next(filter(None, ends.values()), None),
@@ -260,7 +260,7 @@ class Certifier:
             ),
         )
 
-    def asked(self, curve: Curve, passing: Collection[str] = ()) -> tuple[float, tuple[str, ...]]:
+    def required(self, curve: Curve, passing: Collection[str] = ()) -> tuple[float, tuple[str, ...]]:
         """Return the clearance [m] that the scene asks of a motion, for obstacles without a clearance of their own:
         planner.clearance, or less, with a note, where the scene's own start or goal is closer. Of several goals the one
         that the motion reaches counts; ends that are `passing` do not."""
@@ -278,10 +278,10 @@ class Certifier:
         its own."""
         for place, _ in close:
             if place.other in self._lenient:
-                less, asked = ENDS_KEEP * max(place.distance, 0.0), self.scene.planner.clearance
+                less, clearance = ENDS_KEEP * max(place.distance, 0.0), self.scene.planner.clearance
                 return less, (
                     f"{field} is {place.words} from {place.other}: {less * 1e3:.3g} mm are required "
-                    f"over the whole motion instead of the {asked * 1e3:g} mm of planner.clearance"
+                    f"over the whole motion instead of the {clearance * 1e3:g} mm of planner.clearance"
                 )
         return required, ""
 
@@ -291,9 +291,9 @@ class Certifier:
         if spot is None or not spot.unknown:
             return ()
         costs = zip(FIELDS, self.sweep.shares(moved, spot).tolist(), strict=True)
-        said = ", ".join(f"{1e3 * cost:.3g} mm for {field}" for field, cost in costs if cost)
+        text = ", ".join(f"{1e3 * cost:.3g} mm for {field}" for field, cost in costs if cost)
         whose = " and ".join(self._names(spot.pair))
-        return (f"what is unknown takes {1e3 * spot.unknown:.3g} mm where {whose} are closest: {said}",)
+        return (f"what is unknown takes {1e3 * spot.unknown:.3g} mm where {whose} are closest: {text}",)
 
     def _check_times(self, curve: Curve) -> None:
         """Raise InputError if the scene needs times and the curve has none."""
@@ -306,8 +306,8 @@ class Certifier:
         """Return the clearance that each pair must keep (P,) [m]."""
         pairs = self.sweep.pairs
         kept = self._kept[pairs.b]
-        asked = np.where(np.isnan(kept), required, kept)
-        return np.where(pairs.group == 0, asked, self.scene.self_collision.clearance)
+        clearances = np.where(np.isnan(kept), required, kept)
+        return np.where(pairs.group == 0, clearances, self.scene.self_collision.clearance)
 
     def contacts(self, q: ArrayLike, time: float = 0.0) -> tuple[Contact, ...]:
         """Return the contacts at one configuration and time [s]; see `check_configuration`."""

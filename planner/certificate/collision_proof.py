@@ -49,7 +49,7 @@ class Spot:
     pair: int  # row of the pairs
     distance: float  # [m] computed there: negative in contact (then minus the depth, where it is known)
     touching: bool = False  # whether that distance is too small; otherwise it could not be proven large enough
-    unknown: float = 0.0  # [m] what is unknown takes of it: the two are said to be so much farther apart
+    unknown: float = 0.0  # [m] the part that is unknown: nominally the two are this much farther apart
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class _Run:
         self.failed = np.zeros((len(curve) - 1, len(self.pairs.a)), dtype=bool)
         self.configurations = self.exact_calls = self.looked_at = 0
         self.parts = PartBounds(self.bodies, self.pairs)
-        self._asked: Array | None = None  # (P,) what `_enough` returns, until a closer place is found
+        self._required: Array | None = None  # (P,) what `_enough` returns, until a closer place is found
 
     def prove(self) -> Proof:
         for spot in self._inside():
@@ -405,10 +405,10 @@ class _Run:
 
     def _enough(self, pairs: Index) -> Array:
         """Return the bounds [m] at which pairs (i,) are settled."""
-        if self._asked is None:
+        if self._required is None:
             goals = np.array([_goal(distance) for distance in self._least()])
-            self._asked = np.maximum(self.floor, goals[self.pairs.group])
-        return self._asked[pairs]
+            self._required = np.maximum(self.floor, goals[self.pairs.group])
+        return self._required[pairs]
 
     def _least(self) -> list[float]:
         """Return the least distances [m] found, for each group, whose clearance is to be proven; −inf if none is."""
@@ -505,7 +505,7 @@ class _Run:
         group = int(self.pairs.group[spot.pair])
         best = self.closest[group]
         if best is None or spot.distance < best.distance:
-            self.closest[group], self._asked = spot, None
+            self.closest[group], self._required = spot, None
         if spot.touching:
             self._fail(spot)
 

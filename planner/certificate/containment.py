@@ -45,8 +45,8 @@ class Containment:
         key = whole[pairs.a[self._pairs]] * len(whole) + whole[pairs.b[self._pairs]]
         met, self._met = np.unique(key, return_inverse=True)  # bodies that meet (u,); each pair's row among these
         both = np.stack(np.divmod(met, len(whole)), axis=1)  # (u, 2)
-        outer, inner, asked = both.ravel(), both[:, ::-1].ravel(), np.repeat(np.arange(len(met)), 2)
-        self.outer, self.inner, self._asked = (each[bodies.bounding[outer]] for each in (outer, inner, asked))
+        outer, inner, queries = both.ravel(), both[:, ::-1].ravel(), np.repeat(np.arange(len(met)), 2)
+        self.outer, self.inner, self._queries = (each[bodies.bounding[outer]] for each in (outer, inner, queries))
         self._parts: dict[int, Array] = {}  # of bodies that were near a solid
         self.center, self.radius = np.zeros((len(whole), 3)), np.zeros(len(whole))  # of balls around the parts
         for row in sorted(set(self.inner.tolist())):
@@ -79,7 +79,7 @@ class Containment:
         near = ((local >= self.low[outer] - room) & (local <= self.high[outer] + room)).all(axis=2)
         found: dict[tuple[int, tuple[int, ...]], None] = {}
         for node, row in np.argwhere(near).tolist():
-            pairs = tuple(self._pairs[self._met == self._asked[rows[row]]].tolist())
+            pairs = tuple(self._pairs[self._met == self._queries[rows[row]]].tolist())
             a, b = int(inner[row]), int(outer[row])
             if (node, pairs) not in found and self._holds(nodes.pose(node, b), b, nodes.pose(node, a), a):
                 found[node, pairs] = None

@@ -40,14 +40,14 @@ class EndCheck:
             }
 
     def _rates_missed(
-        self, curve: Curve, end: str, which: str, row: int, asked: EndRates | None
+        self, curve: Curve, end: str, which: str, row: int, required: EndRates | None
     ) -> dict[str, str | None]:
         """Say for each rate that the scene gives an end how a motion misses it. A path without times has none, and is
         refused only where the robot is to move."""
-        if asked is None:
+        if required is None:
             return {}
         found: dict[str, str | None] = {}
-        for order, (rate, wanted) in enumerate(asked.given.items(), 1):
+        for order, (rate, wanted) in enumerate(required.given.items(), 1):
             found[f"{end}.{rate}"] = None
             if curve.times is None:
                 if wanted.any():

@@ -179,9 +179,11 @@ class Bounds:
         most, and the directions."""
         pieces = self.bodies.pieces
         a, b = self.pairs.a[items.pair], self.pairs.b[items.pair]
-        normals, said = self._proposed(nodes, items)
+        normals, proposed = self._proposed(nodes, items)
         values, bound, travel = self.by_plane(nodes, items, normals)
-        doubtful = np.flatnonzero(~((values > 0.0) & (said > 0.0) & (np.abs(values - said) < DOUBTFUL_DIFFERENCE)))
+        doubtful = np.flatnonzero(
+            ~((values > 0.0) & (proposed > 0.0) & (np.abs(values - proposed) < DOUBTFUL_DIFFERENCE))
+        )
         for i in doubtful.tolist():
             node, one, other = int(items.node[i]), int(a[i]), int(b[i])
             normals[i], _ = best_direction(pieces[one], nodes.pose(node, one), pieces[other], nodes.pose(node, other))
@@ -192,9 +194,9 @@ class Bounds:
     def overlapping(self, nodes: Intervals, items: Items, depth: float) -> tuple[Array, Mask]:
         """Return gap(n) of the hulls for coal's first directions at the midpoints (i,), and where they surely overlap
         by `depth` [m]: much sooner known than by how much."""
-        normals, said = self._proposed(nodes, items)
+        normals, proposed = self._proposed(nodes, items)
         values, *_ = self.by_plane(nodes, items, normals)
-        return values, (values < -depth) & (said < -depth)
+        return values, (values < -depth) & (proposed < -depth)
 
     def _proposed(self, nodes: Intervals, items: Items) -> tuple[Array, Array]:
         """Return the directions that coal proposes at the midpoints, and its signed distances."""

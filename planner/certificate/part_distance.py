@@ -22,7 +22,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.once import read_only
 
-MOST_AT_ONCE = 64  # pairs of parts that coal is asked about before it is seen what their directions settle
+MOST_AT_ONCE = 64  # pairs of parts in one query of coal, before their directions are used
 KEPT_DIRECTIONS = 8  # directions that are tried first next time
 EQUAL_SHARE = 1e-7  # share of a distance by which another pair of parts must be closer to be sought
 
@@ -130,9 +130,9 @@ def part_distance(
     most, found, closest = 1, np.inf, (0, 0)
     while len(pairs := walk.go_on(most)):
         check_time("measuring the distance of meshes")
-        normals, said = directions((*a.shape(i), *b.shape(j)) for i, j in pairs.tolist())
+        normals, proposed = directions((*a.shape(i), *b.shape(j)) for i, j in pairs.tolist())
         distances, bounds = walk.ask(a.along(-normals), b.along(normals), pairs)
-        sure = (said > 0.0) & (np.abs(distances - said) < DOUBTFUL_DIFFERENCE)
+        sure = (proposed > 0.0) & (np.abs(distances - proposed) < DOUBTFUL_DIFFERENCE)
         while not sure[row := int(distances.argmin())]:  # the others are not closer than it seems
             sure[row] = True
             i, j = pairs[row].tolist()

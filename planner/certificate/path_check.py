@@ -145,9 +145,9 @@ class PathCheck:
         while len(interval):
             middle, delta, off = curve.part(interval, start, width)
             frames = self.chain.frames(self.robot.pin_q(middle))
-            asked = on(interval, start, width)
-            found = asked.found(*frames)
-            bound = asked.bound(Part(self.chain, *frames, delta, off, travel), found)
+            valued = on(interval, start, width)
+            found = valued.found(*frames)
+            bound = valued.bound(Part(self.chain, *frames, delta, off, travel), found)
             bound = np.maximum(bound, found) + ROUNDING
             configurations += len(interval)
             for i in np.flatnonzero(found > worst[interval]).tolist():

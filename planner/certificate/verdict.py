@@ -63,7 +63,9 @@ class Place:
     link: str
     other: str  # an obstacle or another link
     distance: float  # [m] found there, negative in contact (minus the depth, 0 if unknown)
-    unknown: float = 0.0  # [m] that the scene's sizes take of it: the two are said to be so much farther apart
+    unknown: float = (
+        0.0  # [m] the part that the scene's uncertainties take: nominally the two are this much farther apart
+    )
 
     @property
     def words(self) -> str:
@@ -115,7 +117,7 @@ class Certificate:
     def proof(self) -> ProofFile:
         """The certificate of a planned motion as a file that others check (`hdplan.verify`); made on first use.
 
-        It is about two files: the scene's, or what `result.asked.save` writes if there is none of this content; and
+        It is about two files: the scene's, or what `result.requested.save` writes if there is none of this content; and
         what `result.save` writes as JSON. Raises InputError for what a proof cannot hold, and for a certificate of
         another motion (`hdplan.prove`); NotProvenError where there is none.
         """
@@ -230,8 +232,8 @@ def _approach(place: Place) -> str:
 
 def _may_overlap(place: Place) -> str:
     apart = place.distance + place.unknown
-    said = f"are {apart * 1e3:.3g} mm apart" if apart > 0.0 else f"overlap by {-apart * 1e3:.3g} mm"
-    return f"{said}, with {place.unknown * 1e3:.3g} mm unknown,"
+    text = f"are {apart * 1e3:.3g} mm apart" if apart > 0.0 else f"overlap by {-apart * 1e3:.3g} mm"
+    return f"{text}, with {place.unknown * 1e3:.3g} mm unknown,"
 
 
 def _where(place: Place, what: str) -> str:

@@ -60,10 +60,10 @@ def _taken_apart(mesh: TriangleMesh, seconds: float) -> list[Array]:
         given, result = Path(folder) / "mesh.npz", Path(folder) / "pieces.npz"
         np.savez(given, vertices=mesh.vertices, triangles=mesh.triangles)
         processor = math.ceil(seconds * (os.cpu_count() or 1)) + 1
-        told = [str(given), str(result), str(CONCAVITY), str(processor), str(MOST_MEMORY)]
+        arguments = [str(given), str(result), str(CONCAVITY), str(processor), str(MOST_MEMORY)]
         try:
             subprocess.run(
-                [sys.executable, "-P", str(Path(__file__).with_name("convex_task.py")), *told],
+                [sys.executable, "-P", str(Path(__file__).with_name("convex_task.py")), *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,

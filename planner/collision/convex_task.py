@@ -21,8 +21,10 @@ def main(mesh: str, result: str, concavity: str, seconds: str, memory: str) -> N
         resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds)))
         resource.setrlimit(resource.RLIMIT_AS, (int(memory), int(memory)))
     coacd.set_log_level("error")
-    with np.load(mesh) as told:
-        pieces = coacd.run_coacd(coacd.Mesh(told["vertices"], told["triangles"]), threshold=float(concavity), seed=0)
+    with np.load(mesh) as stored:
+        pieces = coacd.run_coacd(
+            coacd.Mesh(stored["vertices"], stored["triangles"]), threshold=float(concavity), seed=0
+        )
     np.savez(result, *(vertices for vertices, _ in pieces))
 
 

@@ -27,7 +27,7 @@ GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first c
 PROMISING_OVERHANG = 0.020  # beyond the faces of the link's hull [m]: a rough fit with more will not become good
 LARGE_DIAGONAL = 1.0  # links with a longer diagonal [m] may have bodies that stand out more, in proportion
 TELLING = 4  # vertices of a body from which on it tells how tight others can be
-# axes whose rough fits stand out by no more than this many times the least are told apart by measuring
+# axes whose rough fits stand out by no more than this many times the least are compared by measuring
 NEAR_LEAST = 1.15
 OUTLINE = 400  # corners of the hull from which how far bodies stand out is measured
 REACH = 0.06  # how far a slab's body may reach into neighbouring slabs at no cost [m]

@@ -114,21 +114,21 @@ def show_report(folder: Path, plot: Path | None) -> int:
         show(Text(f"{certified} of {of} problems certified{missing}", style="bold"))
         if rows:
             show(columns(groups_of(rows)))
-        said = [row for failures in failures_of(rows) for row in _told(failures, folder)]
+        lines = [row for failures in failures_of(rows) for row in _lines(failures, folder)]
         files = [folder / name for name in (RESULTS, MOTIONS, FILES, LEROBOT)] + ([plot] if plot and rows else [])
-        said += [("written", str(file)) for file in files if file.exists()]
-        if said:
-            show(table(said))
+        lines += [("written", str(file)) for file in files if file.exists()]
+        if lines:
+            show(table(lines))
     return 0 if certified == of else 1
 
 
-def _told(failures: Failures, folder: Path) -> list[tuple[str, str]]:
+def _lines(failures: Failures, folder: Path) -> list[tuple[str, str]]:
     """Return rows on failures of one cause, with the command that shows one of them if its files are there."""
-    told = [(f"{failures.count} failed", f"{failures.cause}, such as {failures.problem}: {failures.text}")]
-    told += [("helps", failures.advice)] if failures.advice else []
+    lines = [(f"{failures.count} failed", f"{failures.cause}, such as {failures.problem}: {failures.text}")]
+    lines += [("helps", failures.advice)] if failures.advice else []
     place = str(place_of(folder / FILES, failures.problem))
     there = [place + ending for ending in (SCENE, MOTION) if os.path.isfile(place + ending)]
-    return [*told, ("look", shlex.join(["hdplan", "view", *there]))] if there else told
+    return [*lines, ("look", shlex.join(["hdplan", "view", *there]))] if there else lines
 
 
 def run_sample(scene: Path, output: Path, *, count: int, seed: int, goal: str, jitter: float, resize: float) -> int:

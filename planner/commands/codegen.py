@@ -19,9 +19,9 @@ def run_codegen(scene: str, request: Path | None, robot: str | RobotSpec | None,
     """Write kinematics, distances and penalty of a scene as C. Returns the exit code: 0."""
     output = output.absolute()  # also of "." and "..": a folder has a name and a place
     check_new_folder(output)
-    asked = load_scene(scene, request=request, robot=robot)
+    requested = load_scene(scene, request=request, robot=robot)
     with waiting("writing C"):
-        found = all_movable(Setup.of(asked))
+        found = all_movable(Setup.of(requested))
         files = c_files(found)
         write_folder(output, {name: text.encode() for name, text in files.items()})
     counts = {

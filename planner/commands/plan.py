@@ -79,7 +79,7 @@ def run_plan(
 
         check_proof_of_plan(proof, output, robot)
     longest = SEARCH if time_limit is None else time_limit
-    told = {"solver": solver, "seed": seed, "time_limit": longest}
+    options = {"solver": solver, "seed": seed, "time_limit": longest}
     problem, found = None, None
     try:
         with limited(time_limit):
@@ -124,10 +124,10 @@ def run_plan(
         if not diagnosed or problem is None:
             raise
         kind = TimeLimitError if isinstance(error, TimeLimitError) else InputError
-        raise kind(f"{error}; what helps: {_diagnosis(problem, error, told).advice}") from None
+        raise kind(f"{error}; what helps: {_diagnosis(problem, error, options).advice}") from None
     if diagnosed and not result.certified:
         with waiting("finding out why", shown=not quiet and not as_json):
-            found = _diagnosis(problem, result, told)
+            found = _diagnosis(problem, result, options)
     if output is not None:
         result.save(output)
     if plot is not None:
@@ -162,7 +162,7 @@ def _in_browsers(scene: Scene, served: contextlib.ExitStack) -> Callable[[Run], 
     return lambda run: viewer.panel.planning.follow(scene, run)
 
 
-def _diagnosis(scene: Scene, failure: PlanResult | HdplanError, told: dict[str, Any]) -> Diagnosis:
+def _diagnosis(scene: Scene, failure: PlanResult | HdplanError, options: dict[str, Any]) -> Diagnosis:
     from hdplan.planner.diagnosis import diagnose
 
-    return diagnose(scene, failure, **told)
+    return diagnose(scene, failure, **options)

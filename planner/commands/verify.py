@@ -50,7 +50,7 @@ def run_verify(
     # In a process group of its own: Ctrl-C is for this process, which ends the checker without a traceback.
     done = subprocess.run(command, stdout=subprocess.PIPE, encoding="utf-8", check=False, process_group=0)
     ended = done.returncode in (0, 1, IN_PART) and done.stdout
-    said = done.stdout.rstrip() if ended else "rejected: the checker was stopped, it needs too much memory or time"
+    text = done.stdout.rstrip() if ended else "rejected: the checker was stopped, it needs too much memory or time"
     with printing() as show:
-        show(said)
+        show(text)
     return done.returncode if ended else 1

@@ -53,7 +53,7 @@ Floats = NDArray[np.float64]
 FLAT = 1e-3  # a barrier with a smaller slope over the separation on its own boundary forbids nothing there
 GRID = 24  # cells along an edge of the cube whose grid covers all directions
 NEWTON = 8  # iterations: from at most ln 2 away, each squares what is left
-RESOLUTION = 1e-9  # [m] and [1]: resolution of least distances, and of the normals they depend on
+RESOLUTION = 1e-9  # [m] and [1]: resolution of least distances, and of their normals
 
 
 def shaped(value: float, gamma: int, length: float) -> float:

@@ -32,7 +32,7 @@ class Execution:
     times: Array  # (k + 1,) [s]
     positions: Array  # (k + 1, n)
     errors: Array  # (k + 1, n) tracking errors e [rad] or [m]
-    asked: Array  # (k, n) commanded τ [Nm] or [N], before saturation at the limits
+    commanded: Array  # (k, n) commanded τ [Nm] or [N], before saturation at the limits
     lost: bool  # whether it ended before the motion did, as tracking was lost
     velocity_errors: Array  # (k + 1, n) ė [rad/s] or [m/s]
 
@@ -90,11 +90,11 @@ def execute(arm: Arm, curve: Curve, limits: Array) -> Execution:
     q_d, v_d, a_d = (curve.at_time(middle, order) for order in range(3))
     step, stiffness, damping = times[1] - times[0], FREQUENCY**2, 2 * FREQUENCY
     q, v = wanted[0], wanted_speed[0]
-    positions, errors, velocity_errors, asked = [q], [np.zeros_like(q)], [np.zeros_like(q)], []
+    positions, errors, velocity_errors, commanded = [q], [np.zeros_like(q)], [np.zeros_like(q)], []
     for k in range(count):
         push = a_d[k] + stiffness * errors[-1] + damping * (wanted_speed[k] - v)
-        asked.append(arm.needed(q_d[k], v_d[k], push))
-        q, v = arm.moved(q, v, np.clip(asked[-1], -limits, limits), float(step))
+        commanded.append(arm.needed(q_d[k], v_d[k], push))
+        q, v = arm.moved(q, v, np.clip(commanded[-1], -limits, limits), float(step))
         positions.append(q)
         errors.append(wanted[k + 1] - q)
         velocity_errors.append(wanted_speed[k + 1] - v)
@@ -103,7 +103,7 @@ def execute(arm: Arm, curve: Curve, limits: Array) -> Execution:
     done = len(positions)
     lost = bool(np.abs(errors[-1]).max() > LOST)
     return Execution(
-        times[:done], np.array(positions), np.array(errors), np.array(asked), lost, np.array(velocity_errors)
+        times[:done], np.array(positions), np.array(errors), np.array(commanded), lost, np.array(velocity_errors)
     )
 
 

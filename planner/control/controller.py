@@ -185,23 +185,23 @@ class Controller:
         """
         if self.setup is None:
             raise InputError("update: this controller was not made of a scene; use Controller.of")
-        asked = self.setup.asked
+        requested = self.setup.requested
         if obstacles is None:
-            world = tuple(map(_as_left, asked.obstacles))
+            world = tuple(map(_as_left, requested.obstacles))
         else:
             world = checked(obstacles_of, obstacles, "obstacles")
             around = [each.name for each in world if _as_left(each) is not each]
             if around and q is None:
                 raise InputError(f"q: is needed: cloud '{around[0]}' leaves out points around the robot")
-        asked = derived(asked, obstacles=world)
+        requested = derived(requested, obstacles=world)
         if q is not None:
             at = joint_numbers("q", q, self.robot.joint_names)
-            asked = derived(asked, start=JointTarget("q", tuple(at.tolist())))
+            requested = derived(requested, start=JointTarget("q", tuple(at.tolist())))
         if attached is not None:  # the robot carries something else: its links' bodies are others
             if not is_row(attached):
                 raise wrong("a list of held objects", attached).within("attached")
-            return Controller.of(derived(asked, attached=tuple(attached)), self.settings)
-        setup = self.setup.seeing(asked)
+            return Controller.of(derived(requested, attached=tuple(attached)), self.settings)
+        setup = self.setup.seeing(requested)
         barriers = setup_barriers(setup, self.settings.barriers, self.barriers.hulls)
         return Controller(self.robot, barriers, self.settings, self._limits, setup)
 
@@ -231,7 +231,7 @@ class Controller:
             ahead = LookAhead(self.sight, window, time, seen)
             velocity, mode, kept = ahead.checked(velocity, hessian, linear, constraints)
             distances += perf_counter() - checking
-        pairs = np.concatenate([asked.pairs for asked in seen.asked])
+        pairs = np.concatenate([constraint.pairs for constraint in seen.constraints])
         missed = (constraints.matrix @ velocity < constraints.target - MISSED_BARRIER)[: len(pairs)]
         gave = tuple(sorted(set(pairs[missed].tolist())))
         if gave and mode is not Mode.STOPPED:
@@ -272,8 +272,8 @@ class Controller:
         base, here = window.brake[0], np.ones(robot.n)
         gains = window.gains[min(max(len(window.stopping) - 2, 0), len(window.gains) - 1)]
         rows = [
-            pair_constraints(asked, each, base, coming[asked.pairs])
-            for asked, each in zip(seen.asked, (gains, gains, here), strict=False)
+            pair_constraints(constraint, each, base, coming[constraint.pairs])
+            for constraint, each in zip(seen.constraints, (gains, gains, here), strict=False)
         ]
         beyond = np.maximum(window.q - robot.upper, robot.lower - window.q)  # [rad] or [m]
         rows.append(joint_constraints(self.settings.rate * beyond, window.q > robot.upper, self.rates.velocity, base))

@@ -133,10 +133,10 @@ def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | Non
     controller = Controller.of(scene, settings, robot)
     curve = curve_of(robot, trajectory)
     if curve.times is None:
-        asked = curve = paced(curve, controller.rates, scene.end_time)
+        desired = curve = paced(curve, controller.rates, scene.end_time)
     else:
-        asked, curve = curve, feasible(curve, controller.rates)
-    task, duration = FollowTask(curve, controller.rates), float(asked.widths.sum())
+        desired, curve = curve, feasible(curve, controller.rates)
+    task, duration = FollowTask(curve, controller.rates), float(desired.widths.sum())
     most = PATIENCE[0] * task.duration + PATIENCE[1]
     assert curve.times is not None
     begin = float(curve.times[0])

@@ -55,7 +55,7 @@ class LookAhead(NamedTuple):
         self, velocity: Array, hessian: Array, linear: Array, constraints: SoftConstraints
     ) -> tuple[Array, Mode, bool]:
         """Return the command after the check, its mode, and whether it passed."""
-        base, box, asked = self.window.brake[0], self.window.box, constraints
+        base, box, given = self.window.brake[0], self.window.box, constraints
         best: tuple[float, Array] | None = None
         for check in range(CHECKS + 1):
             over, gradient, coming = self._fallen(velocity)
@@ -72,7 +72,7 @@ class LookAhead(NamedTuple):
                 continue
             if check == CHECKS - 2:  # a crest, from where every way leads down: hold the joints that move these pairs
                 moving = (gradient != 0.0).any(axis=0)
-                box, constraints = (np.where(moving, base, box[0]), np.where(moving, base, box[1])), asked
+                box, constraints = (np.where(moving, base, box[0]), np.where(moving, base, box[1])), given
             target = gradient @ velocity + (SPARE - over) / self.window.rates.period
             floor = np.where(coming, -np.inf, np.minimum(target, gradient @ base))
             constraints = constraints.with_rows(SoftConstraints(gradient, target, floor, np.full(len(target), COMING)))

@@ -56,7 +56,7 @@ class MuJoCoArm:
             _same(self._model, self.robot, joints, self._q, where)
         every = max(round(STEP / self._model.opt.timestep), 1)
         self._steps, self.period = every, every * float(self._model.opt.timestep)
-        self._asked: list[Array] = []
+        self._commanded: list[Array] = []
         self.place(self.robot.configuration(setup.scene.start, setup.scene.from_request))
 
     @classmethod
@@ -90,7 +90,7 @@ class MuJoCoArm:
         if self._speeds:
             self._data.ctrl[self._speeds] = self._data.qvel[self._v]
         mujoco.mj_forward(self._model, self._data)
-        self._asked = []
+        self._commanded = []
 
     def time(self) -> float:
         """Return the time [s] of the simulation."""
@@ -110,7 +110,7 @@ class MuJoCoArm:
             if self._speeds:
                 self._data.ctrl[self._speeds] = velocity
             _mujoco().mj_step(self._model, self._data)
-        self._asked.append(self._data.qfrc_gravcomp[self._v] + self._pulls @ self._data.actuator_force)
+        self._commanded.append(self._data.qfrc_gravcomp[self._v] + self._pulls @ self._data.actuator_force)
 
     def stop(self) -> None:
         """Hold the place where the arm is."""
@@ -122,7 +122,7 @@ class MuJoCoArm:
     def torques(self) -> Array:
         """The drives' torques (k, n) [Nm] or [N] in each period since the arm was placed, before they are cut off at
         what the drives give."""
-        return np.array(self._asked).reshape(-1, len(self.joint_names))
+        return np.array(self._commanded).reshape(-1, len(self.joint_names))
 
 
 def execute_in_mujoco(setup: Setup, curve: Curve, model: str | Path | None = None) -> Execution:

@@ -24,7 +24,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
 
-SAMPLES, SEED = 100, 0  # configurations at which inertias are looked at
+SAMPLES, SEED = 100, 0  # configurations at which inertias are compared
 LEAST = 1e-9  # [kg] and [kg m²] of a body between two joints that has no mass, which MuJoCo does not take
 NEEDED = "--plant mujoco"
 
@@ -89,8 +89,8 @@ def _inertias(model: pin.Model, robot: Robot) -> Array:
 def _forces(setup: Setup) -> Array:
     """Return the most (n,) that each drive gives [Nm] or [N]: the scene's limit, or what the robot's description says;
     inf where neither does."""
-    if (asked := setup.limits.get("torque")) is not None:
-        return asked
+    if (limit := setup.limits.get("torque")) is not None:
+        return limit
     own = np.abs(np.asarray(setup.robot.model.effortLimit, dtype=np.float64))
     return np.where((own > 0.0) & (own < 1e9), own, np.inf)
 

@@ -26,7 +26,7 @@ COMING, RECOVERING = 1e3, 30.0  # weights of violations, for moving obstacles an
 NEAR_MOVING = 0.01  # [m] from a moving obstacle, below which its weight is constant
 
 
-class Asked(NamedTuple):
+class BarrierConstraint(NamedTuple):
     """Rows of m pairs."""
 
     pairs: Rows  # (m,)
@@ -36,14 +36,14 @@ class Asked(NamedTuple):
     free: Mask  # (m,) which may fall: pairs with what moves, and those that overlap (`sight`)
 
 
-def pair_constraints(asked: Asked, gains: Array, base: Array, coming: Mask) -> SoftConstraints:
+def pair_constraints(constraint: BarrierConstraint, gains: Array, base: Array, coming: Mask) -> SoftConstraints:
     """Return rows for the velocity, by `gains` w (n,) and `base` u_b (n,); coming (m,): pairs with what moves, which
     have a weight that grows as they come closer. Those that are not free at least get no worse than by braking."""
-    matrix = asked.rows.gradient * gains
+    matrix = constraint.rows.gradient * gains
     begun = matrix @ base
-    target = begun - asked.rates * asked.slack - asked.rows.drift
-    floor = np.where(asked.free, -np.inf, np.minimum(target, begun))
-    urgency = NEAR_MOVING / np.maximum(asked.rows.separation, NEAR_MOVING)
+    target = begun - constraint.rates * constraint.slack - constraint.rows.drift
+    floor = np.where(constraint.free, -np.inf, np.minimum(target, begun))
+    urgency = NEAR_MOVING / np.maximum(constraint.rows.separation, NEAR_MOVING)
     return SoftConstraints(matrix, target, floor, np.where(coming, COMING * urgency, RECOVERING))
 
 

@@ -16,7 +16,7 @@ from hdplan.planner.control.barrier_safety import straightened, sufficient_separ
 from hdplan.planner.control.barriers import Barriers
 from hdplan.planner.control.lows import Floors, Shaping, lows_among, lows_of_hulls
 from hdplan.planner.control.moment import NONE, BarrierRows
-from hdplan.planner.control.program_rows import NEAR_DISTANCE, Asked
+from hdplan.planner.control.program_rows import NEAR_DISTANCE, BarrierConstraint
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.window import Window
 from hdplan.scenes.array_types import Array, Rows
@@ -31,7 +31,7 @@ class Seen(NamedTuple):
 
     pairs: Rows  # within the horizon at q, or where the robot comes to rest
     here: BarrierRows  # of these at q, as they are
-    asked: tuple[Asked, ...]  # what the program asks: at rest, near ones exactly, and of what moves also at q
+    constraints: tuple[BarrierConstraint, ...]  # at rest, near ones exactly, and of what moves also at q
     floors: Array  # (P,) [m] of Δ, on the way to rest of any command
     near: Array  # (P,) [m] of the exact distance
     inside: Rows  # pairs inside their margins
@@ -75,16 +75,22 @@ class Sight:
         known = inside[: len(near.value)]
         straight, floors = self._straight(rest, pairs, inside), self._floors(window, time, inside)
         free = barriers.coming | np.isneginf(floors[0])
-        asked = [
-            Asked(pairs, straight, straight.value - self.margins[pairs], self._rates(rest, pairs), free[pairs]),
-            Asked(known, near, np.maximum(near.value - NEAR_DISTANCE, 0.0), np.full(len(known), rate), free[known]),
+        constraints = [
+            BarrierConstraint(
+                pairs, straight, straight.value - self.margins[pairs], self._rates(rest, pairs), free[pairs]
+            ),
+            BarrierConstraint(
+                known, near, np.maximum(near.value - NEAR_DISTANCE, 0.0), np.full(len(known), rate), free[known]
+            ),
         ]
         coming = np.flatnonzero(barriers.coming[pairs])
         if last and len(coming):
             of = pairs[coming]
             rows = self._straight(here.part(coming), of, inside)
-            asked.append(Asked(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding), free[of]))
-        return Seen(pairs, here, tuple(asked), *floors, inside)
+            constraints.append(
+                BarrierConstraint(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding), free[of])
+            )
+        return Seen(pairs, here, tuple(constraints), *floors, inside)
 
     def _floors(self, window: Window, time: float, inside: Rows) -> tuple[Array, Array]:
         """Return the floors of Δ and of the exact distances (P,) [m]: of pairs that are inside their margins the least

@@ -106,13 +106,13 @@ class Simulation:
         """The verdict in one line."""
         if self.failures:
             return f"failed: {'; '.join(self.failures)}"
-        as_said = nominal(self.unknown)
+        remark = nominal(self.unknown)
         if self.execution is None:
-            return f"replayed: kinematics only, within all limits of the scene{as_said}"
+            return f"replayed: kinematics only, within all limits of the scene{remark}"
         worst = max(joint.error or 0.0 for joint in self.joints)
         limited = ", torques within their limits" if self.joints[0].peaks["torque"].limit is not None else ""
         tracked = f"tracked within {worst:.1e} rad{limited}"
-        return f"executed: simulated with dynamics, {tracked}{as_said}"
+        return f"executed: simulated with dynamics, {tracked}{remark}"
 
     @property
     def tracking(self) -> Tracking | None:
@@ -210,7 +210,7 @@ def replay(setup: Setup, trajectory: Trajectory, plant: Plant | None = None) -> 
         times, positions = execution.times, execution.positions
         for joint, peak in enumerate(peaks):
             peak["torque"] = _peak(
-                execution.asked[:, joint], execution.times, None if torques is None else float(torques[joint])
+                execution.commanded[:, joint], execution.times, None if torques is None else float(torques[joint])
             )
     others: dict[str, Array] = {}
     for check in certifier.limits if timed else ():
@@ -247,12 +247,12 @@ def _rates(setup: Setup, curve: Curve, order: int, times: Array, limit: Array | 
     values, around = curve.at_time(times, order), setup.rates_around(order - 1)
     jumps = curve.over_time(order - 1).jumps(*around) if order > 1 else np.zeros((len(curve), values.shape[1]))
     for joint, column in enumerate(values.T):
-        asked = None if limit is None else float(limit[joint])
+        bound = None if limit is None else float(limit[joint])
         if jumps[:, joint].max() > JUMP:
             row = int(jumps[:, joint].argmax())
-            yield Peak(float("inf"), asked, float(curve.time_of(row / (len(curve) - 1))))
+            yield Peak(float("inf"), bound, float(curve.time_of(row / (len(curve) - 1))))
         else:
-            yield _peak(column, times, asked)
+            yield _peak(column, times, bound)
 
 
 def _peak(values: Array, times: Array, limit: float | None) -> Peak:
@@ -275,11 +275,14 @@ def _closest(certifier: Certifier, positions: Array, times: Array) -> tuple[Clos
 
 def _overloaded(execution: Execution, limits: Array | None, robot: Robot) -> Iterator[str]:
     """Say where the commanded torque first exceeds a limit, if there is one, and whether tracking is lost."""
-    if limits is not None and (over := (shares := np.abs(execution.asked) / limits).max(axis=1) > 1 + SATURATED).any():
+    if (
+        limits is not None
+        and (over := (shares := np.abs(execution.commanded) / limits).max(axis=1) > 1 + SATURATED).any()
+    ):
         row = int(over.argmax())
         joint = int(shares[row].argmax())
         yield (
-            f"joint '{robot.joint_names[joint]}' needs a torque of {abs(execution.asked[row, joint]):.4g} at "
+            f"joint '{robot.joint_names[joint]}' needs a torque of {abs(execution.commanded[row, joint]):.4g} at "
             f"{execution.times[row]:.3f} s, its limit is {limits[joint]:g}"
         )
     if execution.lost:

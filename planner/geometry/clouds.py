@@ -86,15 +86,15 @@ def _swollen(balls: FixedArray, radius: float | FixedArray) -> FixedArray:
     return FixedArray(balls.array + [0.0, 0.0, 0.0, radius], balls.left_out) if radius else balls
 
 
-def left_out_words(asked: Cloud, read: Cloud) -> str:
+def left_out_words(requested: Cloud, read: Cloud) -> str:
     """Say which points of a cloud, as the scene has it and as it was read, were left out in reading: those that are not
     finite, or of an image those out of its range; empty if none were."""
     count = read.points.left_out if isinstance(read.points, FixedArray) else 0
     if not count:
         return ""
-    if not isinstance(asked.points, DepthImage):
+    if not isinstance(requested.points, DepthImage):
         return f"{count} that are not finite"
-    low, high = asked.points.range
+    low, high = requested.points.range
     return f"{count} pixels that saw something nearer than {low:g} m or farther than {high:g} m"
 
 
@@ -113,9 +113,9 @@ def merged(balls: FixedArray, voxel: float) -> tuple[FixedArray, float]:
     return FixedArray(np.column_stack([middle, radius])), added
 
 
-def cloud_words(asked: Cloud, read: Cloud) -> str:
+def cloud_words(requested: Cloud, read: Cloud) -> str:
     """Return the words of `hdplan explain` for a cloud, as the scene has it and as it was read."""
-    source = asked.points.image if isinstance(asked.points, DepthImage) else asked.points
+    source = requested.points.image if isinstance(requested.points, DepthImage) else requested.points
     file = f" of {source.name}" if isinstance(source, Path) else ""
     balls = balls_in(read)
     low, high = 1e3 * float(balls.array[:, 3].min()), 1e3 * float(balls.array[:, 3].max())

@@ -120,16 +120,16 @@ def _beside(path: Path) -> Callable[[str], bytes]:
 # --- drawing ----------------------------------------------------------------------------------------------------------
 
 
-def read_scene(data: bytes, path: Path, asked: Callable[[str], object]) -> trimesh.Scene:
+def read_scene(data: bytes, path: Path, on_reference: Callable[[str], object]) -> trimesh.Scene:
     """Return what trimesh reads from a mesh file's content, without warnings: its parts with their placements and
-    colours. `asked` is called with the names of the files beside it that hold more, as they are wanted.
+    colours. `on_reference` is called with the names of the files beside it that hold more, as they are wanted.
 
     Only for drawing a file that `read_mesh_file` has accepted, as trimesh overlooks much damage.
     """
 
     class Beside(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
         def get(self, name: str) -> bytes:
-            asked(name)
+            on_reference(name)
             return _beside(path)(name)
 
     log = logging.getLogger("trimesh")

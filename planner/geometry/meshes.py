@@ -140,7 +140,7 @@ class ReadMesh(Mesh):
     content: bytes = field(init=False, repr=False)  # tells its triangles from others
 
     @property
-    def asked(self) -> Mesh:
+    def requested(self) -> Mesh:
         """The mesh by its file."""
         return Mesh(self.file, self.scale, name=self.name, pose=self.pose)
 

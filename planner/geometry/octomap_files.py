@@ -38,15 +38,15 @@ def read_octomap(content: bytes) -> Leaves:
     kind = lines[0].strip() if lines else ""
     if kind not in (BINARY, FULL):
         raise InputError(f"begins neither with '{BINARY}' nor with '{FULL}'")
-    said = dict(line.split(None, 1) for line in lines if not line.startswith("#") and len(line.split()) == 2)
-    if said.get("id") != "OcTree":
-        raise InputError(f"is a tree of kind '{said.get('id', '')}'; OcTree is read")
+    header = dict(line.split(None, 1) for line in lines if not line.startswith("#") and len(line.split()) == 2)
+    if header.get("id") != "OcTree":
+        raise InputError(f"is a tree of kind '{header.get('id', '')}'; OcTree is read")
     try:
-        resolution = read_number(said["res"])
+        resolution = read_number(header["res"])
     except (KeyError, ValueError):
         resolution = 0.0
     if not 0.0 < resolution <= 1e6:
-        raise InputError(f"has the resolution '{said.get('res', '')}'; a number greater than 0 [m] is needed")
+        raise InputError(f"has the resolution '{header.get('res', '')}'; a number greater than 0 [m] is needed")
     try:
         found = _binary(data) if kind == BINARY else _full(data)
     except (IndexError, struct.error):

@@ -40,12 +40,12 @@ def seen_parts(shape: Seen) -> Array:
             assert_never(shape)
 
 
-def seen_words(asked: Seen, read: Seen) -> str:
+def seen_words(requested: Seen, read: Seen) -> str:
     """Return the words of `hdplan explain` for it, as the scene has it and as it was read."""
-    match asked:
+    match requested:
         case Cloud():
-            return cloud_words(asked, cast(Cloud, read))
+            return cloud_words(requested, cast(Cloud, read))
         case Voxels() | OctoMap():
-            return map_words(asked)
+            return map_words(requested)
         case _:
-            assert_never(asked)
+            assert_never(requested)

@@ -55,7 +55,7 @@ SHARES = (1.0, 0.6, 0.3, 0.1)  # of the longest overlap of two motions
 SLOWER = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5)  # times as long as they would take, of moves
 FINER = (1, 4, 12)  # times as many configurations along curves
 ROUNDING = 1e-9  # of a limit
-SNAP = 1e-4  # [s] from a row, within which none is put in: rounding would count in accelerations there
+SNAP = 1e-4  # [s] least distance of an inserted row from others: rounding would count in accelerations
 BEYOND = 0.2  # share of half a blend for which a pace is planned beyond its middle
 STEPS = 8  # of looking for a row
 

@@ -71,7 +71,7 @@ class Certain:
         """Do a stage, and certify it; a curve only as steadily as the joints go, if `plainly`. Raises
         StageFailedError."""
         stage, setup = self.stages[number], stage_setup(world, number)
-        scene, robot = setup.asked, setup.robot
+        scene, robot = setup.requested, setup.robot
         with naming(scene.source):  # values that the stage's own limits do not allow
             start = robot.configuration(scene.start)
             goal = robot.configuration(scene.goal) if isinstance(scene.goal, JointTarget) else start

@@ -249,7 +249,7 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
         curve = curve_of(setup.robot, part)
         if blend:
             setup = setup.changed(goal=_passed(curve, _rates_at_end(curve, setup.robot, part)))
-        scene, certifier = setup.asked, Certifier(setup) if blend else stage_certifier(world, number)
+        scene, certifier = setup.requested, Certifier(setup) if blend else stage_certifier(world, number)
         passing = tuple(end for end, passed in (("start", world.rates), ("goal", blend)) if passed)
         certificate = certifier.certify(part, passing=passing)
     fingers = moves_fingers(stage)

@@ -220,7 +220,7 @@ class Search:
             try:
                 next(iter(made))
             except UnsolvableError as error:
-                made = _cause(error, setup.asked)
+                made = _cause(error, setup.requested)
         kept.append((world, made))
         return made
 
@@ -234,7 +234,7 @@ class Search:
         if not opened:
             return
         here = stage_setup(world, number)
-        robot, start = here.robot, here.robot.configuration(here.asked.start)
+        robot, start = here.robot, here.robot.configuration(here.requested.start)
         beginnings, curves = [], list[Follow]()
         for goal in goals:
             assert goal.positions is not None
@@ -309,7 +309,7 @@ class Search:
 
     def _moved(self, world: World, number: int, goal: JointTarget, others: bool) -> Piece:
         """Plan a move of the arm to one configuration. Raises StageFailedError."""
-        scene = stage_setup(world, number).asked
+        scene = stage_setup(world, number).requested
         left = max(0.0, self._until - time.perf_counter())
         aimed = derived(scene, goal=goal)
         try:

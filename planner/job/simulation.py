@@ -42,11 +42,13 @@ class JobSimulation:
                 return f"failed: stage '{stage.name}': {'; '.join(simulation.failures)}"
         if self.missing:
             return f"failed: not whole: '{self.missing[0]}' has no motion"
-        as_said = nominal(self.unknown)
+        remark = nominal(self.unknown)
         if self.tracking is None:
-            return f"replayed: all {len(self.stages)} stages, within all limits of the scene{as_said}"
+            return f"replayed: all {len(self.stages)} stages, within all limits of the scene{remark}"
         worst = max(np.abs(each.errors).max() for each in self._executions)
-        return f"executed: all {len(self.stages)} stages, simulated with dynamics, tracked within {worst:.1e} rad{as_said}"
+        return (
+            f"executed: all {len(self.stages)} stages, simulated with dynamics, tracked within {worst:.1e} rad{remark}"
+        )
 
     @property
     def tracking(self) -> Tracking | None:

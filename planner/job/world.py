@@ -139,7 +139,7 @@ def _as_seen(setup: Setup) -> tuple[Obstacle, ...]:
     what is near them there is no image of theirs."""
     return tuple(
         replace(each, shape=replace(each.shape, ignore_robot=0.0, ignore=())) if isinstance(each.shape, Cloud) else each
-        for each in setup.asked.obstacles
+        for each in setup.requested.obstacles
     )
 
 

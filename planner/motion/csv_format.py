@@ -92,10 +92,10 @@ def _without_stages(names: tuple[str, ...], rows: Lines) -> tuple[tuple[str, ...
     if names.count(STAGE) != 1:
         return names, rows, []
     column = names.index(STAGE)
-    said = [row[column] for _, row in rows]
-    if all(map(_is_number, said)):
+    stages = [row[column] for _, row in rows]
+    if all(map(_is_number, stages)):
         return names, rows, []
-    marks = [{"name": name, "row": i} for i, name in enumerate(said) if i == 0 or name != said[i - 1]]
+    marks = [{"name": name, "row": i} for i, name in enumerate(stages) if i == 0 or name != stages[i - 1]]
     left = [(line, [*row[:column], *row[column + 1 :]]) for line, row in rows]
     return (*names[:column], *names[column + 1 :]), left, marks
 

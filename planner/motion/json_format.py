@@ -50,14 +50,14 @@ def write_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -
             if trajectory.stages
             else []
         ),
-        *(f'"{key}": {json.dumps(dict(said), allow_nan=False)}' for key, said in about.items()),
+        *(f'"{key}": {json.dumps(dict(value), allow_nan=False)}' for key, value in about.items()),
     ]
     return ("{\n " + ",\n ".join(lines) + "\n}\n").encode()
 
 
 def _mark(mark: StageMark) -> dict[str, Any]:
-    said = {"name": mark.name, "row": mark.row}
-    return {**said, "outputs": dict(mark.outputs)} if mark.outputs else said
+    entry = {"name": mark.name, "row": mark.row}
+    return {**entry, "outputs": dict(mark.outputs)} if mark.outputs else entry
 
 
 def _rows(key: str, values: NDArray[np.float64]) -> str:

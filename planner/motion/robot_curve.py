@@ -62,10 +62,10 @@ def unfolded_curve(robot: Robot, curve: Curve) -> Curve:
     return curve if robot.linkage is None else Curve(robot.expand(curve.control), curve.times)
 
 
-def _check_following(said: Mapping[str, ArrayLike], every: Mapping[str, NDArray[np.float64]]) -> None:
+def _check_following(given: Mapping[str, ArrayLike], every: Mapping[str, NDArray[np.float64]]) -> None:
     """Refuse what a trajectory says of joints that follow others where it is not that of `every` joint of the model."""
-    for name in [name for name in said if name in every]:
-        off = float(np.abs(np.asarray(said[name]) - every[name]).max())
+    for name in [name for name in given if name in every]:
+        off = float(np.abs(np.asarray(given[name]) - every[name]).max())
         if not off <= SAME_LOCKED:
             raise InputError(f"trajectory: joint '{name}' is up to {off:g} from where it would follow other joints")
 

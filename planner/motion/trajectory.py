@@ -220,7 +220,7 @@ class Trajectory:
         cannot be written, or a motion that the format cannot hold.
         """
         path = path_of(path)
-        about = {key: said for key, said in (("verdict", verdict), ("steps", steps)) if said}
+        about = {key: content for key, content in (("verdict", verdict), ("steps", steps)) if content}
         from hdplan.planner.motion.trajectory_files import WRITERS, format_of
 
         write = format_of(path, WRITERS)

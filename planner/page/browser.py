@@ -86,10 +86,10 @@ class Browser:
 
     def run(self, script: str) -> Any:
         """Run a script in the page, and return its value. Raises BrowserError."""
-        said = self._call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
-        if "exceptionDetails" in said:
-            raise BrowserError(f"the page failed: {said['exceptionDetails'].get('text')}")
-        return said["result"].get("value")
+        answer = self._call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in answer:
+            raise BrowserError(f"the page failed: {answer['exceptionDetails'].get('text')}")
+        return answer["result"].get("value")
 
     def photograph(self) -> bytes:
         """Return the page as it is shown, as JPEG. Raises BrowserError."""
@@ -159,8 +159,8 @@ class Browser:
                 raise BrowserError(f"{self._program} has ended")
             self._answers += data
         message, _, self._answers = self._answers.partition(b"\0")
-        said: dict[str, Any] = json.loads(message)
-        return said
+        answer: dict[str, Any] = json.loads(message)
+        return answer
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

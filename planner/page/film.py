@@ -93,8 +93,8 @@ def _drawings(setup: Setup, motion: ShownMotion, timeline: Timeline, moments: Se
     from hdplan.planner.pictures.frames import drawn_frames
 
     trajectory = motion.trajectory.of_joints(setup.robot.joint_names, setup.robot.locked)
-    said = [(timeline.parameter(motion.curve, now), timeline.words(now)) for now in moments]
-    yield from drawn_frames(setup, trajectory, motion.certificate, said, SIZE)
+    frames = [(timeline.parameter(motion.curve, now), timeline.words(now)) for now in moments]
+    yield from drawn_frames(setup, trajectory, motion.certificate, frames, SIZE)
 
 
 def _encoded(frames: Iterable[Frame], path: Path, rate: int) -> bytes:

@@ -55,7 +55,7 @@ class ShownStage:
         }
 
     @property
-    def said(self) -> dict[str, Any]:
+    def data(self) -> dict[str, Any]:
         """The page's data of a stage."""
         stage = self.stage
         may = f"; may touch: {', '.join('-'.join(pair) for pair in stage.touch)}" if stage.touch else ""
@@ -139,7 +139,7 @@ class ShownJob:
     @property
     def page(self) -> HtmlPage:
         """The page."""
-        return page_of(self.setup, [self.motion], [stage.said for stage in self.stages], self.closest)
+        return page_of(self.setup, [self.motion], [stage.data for stage in self.stages], self.closest)
 
     @cached_property
     def stages(self) -> list[ShownStage]:
@@ -160,8 +160,8 @@ class ShownJob:
         whole = self.certificate
         one = (whole.failed or whole.stages[0]).certificate
         status = one.status if whole.failed or whole.certified else Status.WRONG_ENDS
-        said = replace(one, status=status, text=whole.text, clearance=whole.clearance)
-        known = (*clearance, None, said, self.setup.asked)
+        certificate = replace(one, status=status, text=whole.text, clearance=whole.clearance)
+        known = (*clearance, None, certificate, self.setup.requested)
         return ShownMotion("job", self.trajectory, curve, parameter, joints, Tip.of(robot).path(joints), *known)
 
     def closest(self, seconds: float) -> tuple[Closest | None, Closest | None]:

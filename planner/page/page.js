@@ -1,7 +1,7 @@
 // The page: what `recorded_page.py` packed is unpacked, drawn, and played.
 "use strict";
 
-const $ = (id) => document.getElementById(id), said = JSON.parse($("data").textContent);
+const $ = (id) => document.getElementById(id), data = JSON.parse($("data").textContent);
 const dark = () => matchMedia("(prefers-color-scheme: dark)").matches;
 const rgb = (color) => color.map((x) => x / 255), css = (color) => `rgb(${color.join()})`;
 const ink = () => (dark() ? "#eee" : "#222"), ground = () => (dark() ? "#1b1c1e" : "#fff");
@@ -88,8 +88,8 @@ function curves(context, width, height, { title, unit, when, series, levels, now
 class Page {
   constructor(buffer) {
     this.stage = new Stage($("scene"));
-    this.now = said.timeline.begin;
-    this.meshes = said.meshes.map((m) => {
+    this.now = data.timeline.begin;
+    this.meshes = data.meshes.map((m) => {
       const packed = new Uint16Array(buffer, m.points, 3 * m.corners), points = new Float32Array(packed.length);
       packed.forEach((v, i) => { points[i] = m.low[i % 3] + (m.high[i % 3] - m.low[i % 3]) * v / 65535; });
       const steps = new Int32Array(buffer, m.indices, 3 * m.triangles), indices = new Uint32Array(steps.length);
@@ -99,7 +99,7 @@ class Page {
     });
     this.compose();
     this.say();
-    this.stage.look(...said.camera);
+    this.stage.look(...data.camera);
     this.stage.moved = () => this.draw();
     this.controls();
     new ResizeObserver(() => this.resize()).observe($("scene"));
@@ -110,28 +110,28 @@ class Page {
   compose() { // what stands, ghosts, and the robots of the motions
     const { stage } = this;
     const still = (pose) => { const m = placed(pose); return () => m; };
-    for (const o of said.obstacles) {
+    for (const o of data.obstacles) {
       const mesh = this.meshes[o.mesh];
-      const here = o.poses ? () => placed(poseBetween(o.poses, place(said.when, this.now))) : still(o.pose);
+      const here = o.poses ? () => placed(poseBetween(o.poses, place(data.when, this.now))) : still(o.pose);
       stage.solids.push({ mesh, place: here, color: rgb(mesh.color), alpha: o.alpha, group: o });
     }
-    said.ghosts.forEach(({ robot, poses, color }, number) => {
+    data.ghosts.forEach(({ robot, poses, color }, number) => {
       for (const i of robot) {
         const mesh = this.meshes[i];
-        const visible = () => !said.motions.some((motion) => this.stands(motion, (joint) => poses[joint]));
+        const visible = () => !data.motions.some((motion) => this.stands(motion, (joint) => poses[joint]));
         if (!mesh.joint) continue;
-        const at = times(placed(poses[mesh.joint]), drawnIn(mesh, said.inset * (1 + number)));
+        const at = times(placed(poses[mesh.joint]), drawnIn(mesh, data.inset * (1 + number)));
         stage.solids.push({ mesh, place: () => at, color: rgb(color), alpha: 0.35, group: poses, visible });
       }
     });
-    said.motions.forEach((motion, number) => {
-      for (const i of said.robot) {
+    data.motions.forEach((motion, number) => {
+      for (const i of data.robot) {
         const mesh = this.meshes[i];
         if (number && !mesh.joint) continue;
-        const inner = drawnIn(mesh, number && said.inset * (said.ghosts.length + number));
+        const inner = drawnIn(mesh, number && data.inset * (data.ghosts.length + number));
         const along = () => times(placed(this.pose(motion, mesh.joint)), inner);
-        const visible = () => !number || !this.stands(motion, (joint) => this.pose(said.motions[0], joint));
-        stage.solids.push({ mesh, place: mesh.joint ? along : still(said.base), color: rgb(number ? motion.color : mesh.color), alpha: 1, visible });
+        const visible = () => !number || !this.stands(motion, (joint) => this.pose(data.motions[0], joint));
+        stage.solids.push({ mesh, place: mesh.joint ? along : still(data.base), color: rgb(number ? motion.color : mesh.color), alpha: 1, visible });
       }
       const points = [], colors = [];
       for (let i = 1; i < motion.path.length; i++) {
@@ -148,7 +148,7 @@ class Page {
   }
 
   slab() { // the plane that keeps the closest pair apart, as thick as the distance proven
-    if (!said.planes.length) return;
+    if (!data.planes.length) return;
     const corners = [], faces = [];
     for (const axis of [0, 1, 2]) for (const side of [-0.5, 0.5]) { // each face with corners of its own
       for (const [a, b] of [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]) {
@@ -166,13 +166,13 @@ class Page {
       return new Float32Array([...u.map((x) => e * x), 0, ...v.map((x) => e * x), 0, ...n.map((x) => thick * x), 0, ...point, 1]);
     };
     const visible = () => $("plane").checked && this.plane() !== null;
-    this.stage.solids.push({ mesh, place, color: rgb(said.plane), alpha: 0.45, group: said.planes, visible });
+    this.stage.solids.push({ mesh, place, color: rgb(data.plane), alpha: 0.45, group: data.planes, visible });
     $("planes").hidden = false;
     $("plane").addEventListener("change", () => this.draw());
   }
 
   plane() { // of now: between two moments of one plane on its way from one to the other
-    const [a, b, share] = around(said.planes, place(said.when, this.now)), near = share < 0.5 ? a : b;
+    const [a, b, share] = around(data.planes, place(data.when, this.now)), near = share < 0.5 ? a : b;
     if (!a || !b || a.of !== b.of) return near;
     const mixed = (key) => a[key].map((x, i) => x + share * (b[key][i] - x));
     return { ...near, point: mixed("point"), normal: mixed("normal"), thick: Math.min(a.thick, b.thick) };
@@ -181,7 +181,7 @@ class Page {
   pose(motion, joint) { return poseBetween(motion.poses[joint], place(motion.when, this.now)); }
 
   stands(motion, poses) { // whether its robot is where another one is, with which it would flicker
-    const joints = new Set(said.robot.map((i) => this.meshes[i].joint).filter((joint) => joint));
+    const joints = new Set(data.robot.map((i) => this.meshes[i].joint).filter((joint) => joint));
     return [...joints].every((joint) => {
       const [a, b] = [this.pose(motion, joint), poses(joint)], [p, q] = [unit(a.slice(3)), unit(b.slice(3))];
       const turn = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3];
@@ -190,7 +190,7 @@ class Page {
   }
 
   grid() { // in pieces: a line that runs from below the eye would be drawn in front of what hides it
-    const [x, y, z] = said.floor, points = [], color = rgb(dark() ? [58, 59, 61] : [222, 222, 222]);
+    const [x, y, z] = data.floor, points = [], color = rgb(dark() ? [58, 59, 61] : [222, 222, 222]);
     for (let i = -15; i <= 15; i++) for (let j = -15; j < 15; j += 5) {
       const [s, from, to] = [i / 10, j / 10, (j + 5) / 10];
       points.push([x + s, y + from, z], [x + s, y + to, z], [x + from, y + s, z], [x + to, y + s, z]);
@@ -199,15 +199,15 @@ class Page {
   }
 
   say() {
-    document.querySelector("h1").textContent = said.title;
-    for (const { name, verdict, certified, color } of said.motions) {
+    document.querySelector("h1").textContent = data.title;
+    for (const { name, verdict, certified, color } of data.motions) {
       const line = $("verdicts").appendChild(document.createElement("p"));
       line.style.color = certified ? "var(--good)" : "var(--bad)";
-      line.textContent = `${certified ? "✓" : "✗"} ${said.motions.length > 1 ? `${name}: ` : ""}${verdict}`;
-      if (said.motions.length > 1) line.style.borderLeft = `4px solid ${css(color)}`, line.style.paddingLeft = "6px";
+      line.textContent = `${certified ? "✓" : "✗"} ${data.motions.length > 1 ? `${name}: ` : ""}${verdict}`;
+      if (data.motions.length > 1) line.style.borderLeft = `4px solid ${css(color)}`, line.style.paddingLeft = "6px";
     }
-    $("notes").textContent = said.notes;
-    said.stages.forEach((stage) => { // as long on the bar as in time
+    $("notes").textContent = data.notes;
+    data.stages.forEach((stage) => { // as long on the bar as in time
       const button = $("stages").appendChild(document.createElement("button"));
       button.textContent = stage.name;
       button.title = `${stage.name}, ${stage.begin.toFixed(2)} to ${stage.end.toFixed(2)} s: ${stage.words}`;
@@ -215,7 +215,7 @@ class Page {
       button.style.flexGrow = stage.end - stage.begin;
       button.addEventListener("click", () => { this.stop(); this.go(stage.begin); });
     });
-    this.bars = said.joints.map(({ name, low, high, unit, color }) => {
+    this.bars = data.joints.map(({ name, low, high, unit, color }) => {
       const row = $("joints").insertRow(), cells = [row.insertCell(), row.insertCell(), row.insertCell()];
       const key = cells[0].appendChild(document.createElement("span"));
       key.className = "key"; key.style.background = css(color);
@@ -230,7 +230,7 @@ class Page {
   }
 
   controls() {
-    const { begin, end, duration } = said.timeline, slider = $("time");
+    const { begin, end, duration } = data.timeline, slider = $("time");
     Object.assign(slider, { min: begin, max: end, value: begin });
     slider.addEventListener("input", () => { this.stop(); this.go(+slider.value); });
     $("play").addEventListener("click", () => (this.playing ? this.stop() : this.play()));
@@ -246,13 +246,13 @@ class Page {
   }
 
   play() {
-    if (this.now >= said.timeline.end) this.now = said.timeline.begin;
+    if (this.now >= data.timeline.end) this.now = data.timeline.begin;
     this.playing = true; $("play").textContent = "Pause";
     let before = performance.now();
     const frame = (t) => {
       if (!this.playing) return;
       this.go(this.now + this.rate * (t - before) / 1000); before = t;
-      if (this.now >= said.timeline.end) return this.stop();
+      if (this.now >= data.timeline.end) return this.stop();
       requestAnimationFrame(frame);
     };
     requestAnimationFrame((t) => { before = t; frame(t); });
@@ -261,7 +261,7 @@ class Page {
   stop() { this.playing = false; $("play").textContent = "Play"; }
 
   go(now) {
-    this.now = Math.min(Math.max(now, said.timeline.begin), said.timeline.end);
+    this.now = Math.min(Math.max(now, data.timeline.begin), data.timeline.end);
     $("time").value = this.now;
     this.draw();
   }
@@ -279,11 +279,11 @@ class Page {
   }
 
   stageNow() { // the one that begins, where two meet
-    return said.stages.findLastIndex((stage) => stage.begin <= this.now + 1e-9);
+    return data.stages.findLastIndex((stage) => stage.begin <= this.now + 1e-9);
   }
 
   nearest() { // of the moments at which distances were computed
-    return said.closest[Math.round(place(said.when, this.now))];
+    return data.closest[Math.round(place(data.when, this.now))];
   }
 
   paint() {
@@ -296,30 +296,30 @@ class Page {
     $("clock").textContent = this.clock();
     $("now").innerText = this.words(near).join("\n");
     [...$("stages").children].forEach((button, i) => button.classList.toggle("now", i === this.stageNow()));
-    const motion = said.motions[0], values = between(motion.joints, place(motion.when, this.now));
+    const motion = data.motions[0], values = between(motion.joints, place(motion.when, this.now));
     this.bars.forEach((show, i) => show(values[i]));
     for (const { canvas, title, series, levels } of this.plots()) {
       const small = canvas.getContext("2d"), coloured = levels.map((l) => ({ ...l, color: css(l.color) }));
       small.setTransform(scale, 0, 0, scale, 0, 0);
       this.seek = curves(small, canvas.width / scale, canvas.height / scale, {
-        title, unit: said.timeline.timed ? " s" : "", when: [said.timeline.begin, said.timeline.end], series, levels: coloured, now: this.now });
+        title, unit: data.timeline.timed ? " s" : "", when: [data.timeline.begin, data.timeline.end], series, levels: coloured, now: this.now });
     }
-    const plane = said.planes.length ? this.plane() : null;
-    $("said").textContent = plane ? `${plane.words}: ${plane.of}` : "no plane here";
+    const plane = data.planes.length ? this.plane() : null;
+    $("plane-words").textContent = plane ? `${plane.words}: ${plane.of}` : "no plane here";
   }
 
-  clock() { return said.timeline.timed ? `${this.now.toFixed(2)} s` : `path ${this.now.toFixed(2)}`; }
+  clock() { return data.timeline.timed ? `${this.now.toFixed(2)} s` : `path ${this.now.toFixed(2)}`; }
 
   words(near) {
     const lines = ["to obstacles", "between links"].map((what, i) => near[i] && `${what} ${near[i].words} (${near[i].pair})`);
-    const stage = said.stages[this.stageNow()], about = stage ? [`stage ${stage.name}: ${stage.words}`] : [];
+    const stage = data.stages[this.stageNow()], about = stage ? [`stage ${stage.name}: ${stage.words}`] : [];
     return [...about, "clearance at this moment:", ...lines.filter((x) => x)];
   }
 
   label(context, width, height, near) {
     context.clearRect(0, 0, width, height);
     context.font = "12px system-ui, sans-serif"; context.textAlign = "center"; context.textBaseline = "middle";
-    const shown = near[0] || near[1], both = [...said.labels];
+    const shown = near[0] || near[1], both = [...data.labels];
     if (shown) both.push({ text: shown.words, at: shown.points[0].map((x, i) => (x + shown.points[1][i]) / 2), color: null, above: 22 });
     for (const { text, at, color, above } of both) {
       const spot = this.stage.onScreen(at);
@@ -330,15 +330,15 @@ class Page {
 
   plots() { // clearance of all motions; joints, and shares of limits, of the first one
     if (this.drawn) return this.drawn;
-    const [first] = said.motions, one = said.motions.length === 1;
-    const clearance = said.motions.map((m) => ({ name: one ? "to obstacles" : m.name, when: m.when, values: m.clearance, color: css(m.color), dash: [] }));
-    if (one) clearance.push({ name: "between links", when: first.when, values: first.own, color: css(said.between), dash: [5, 3] });
-    const joints = said.joints.map(({ name, color }, i) => ({ name, when: first.when, values: first.joints.map((q) => q[i]), color: css(color), dash: [] }));
+    const [first] = data.motions, one = data.motions.length === 1;
+    const clearance = data.motions.map((m) => ({ name: one ? "to obstacles" : m.name, when: m.when, values: m.clearance, color: css(m.color), dash: [] }));
+    if (one) clearance.push({ name: "between links", when: first.when, values: first.own, color: css(data.between), dash: [5, 3] });
+    const joints = data.joints.map(({ name, color }, i) => ({ name, when: first.when, values: first.joints.map((q) => q[i]), color: css(color), dash: [] }));
     const shares = first.shares.map((s) => ({ name: s.quantity, when: s.when, values: s.values, color: css(s.color), dash: [] }));
     const all = [
-      { canvas: $("clearance"), title: "clearance [mm]", series: clearance.filter((s) => s.values.length), levels: said.levels },
+      { canvas: $("clearance"), title: "clearance [mm]", series: clearance.filter((s) => s.values.length), levels: data.levels },
       { canvas: $("curves"), title: "joints [rad or m]", series: joints, levels: [] },
-      { canvas: $("shares"), title: "of limits [%]", series: shares, levels: [{ at: 100, name: "", color: said.bad, dash: [2, 3] }] }];
+      { canvas: $("shares"), title: "of limits [%]", series: shares, levels: [{ at: 100, name: "", color: data.bad, dash: [2, 3] }] }];
     for (const { canvas, series } of all) canvas.hidden = !series.length;
     this.drawn = all.filter(({ series }) => series.length);
     return this.drawn;

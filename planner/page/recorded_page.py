@@ -49,7 +49,7 @@ from hdplan.planner.view.drawing.colors import (
 from hdplan.planner.view.drawing.creases import creased
 from hdplan.planner.view.drawing.ground import ground_of
 from hdplan.planner.view.drawing.motion import Share, ShownMotion, millimetres
-from hdplan.planner.view.drawing.shading import told_apart
+from hdplan.planner.view.drawing.shading import two_toned
 from hdplan.planner.view.drawing.skins import (
     ENDLESS,
     INSET,
@@ -93,7 +93,7 @@ def page_of(
         seen, left_out = visual_skins(robot, scene.robot)
     except InputError as error:
         seen, left_out = (), (str(error),)
-    skins = told_apart(robot, seen or collision_skins(robot))
+    skins = two_toned(robot, seen or collision_skins(robot))
     ghost = packed.add_all([skin for skin in collision_skins(robot) if skin.joint] or skins, MOST_OF_GHOSTS)
     ends = _poses(robot, first.joints[[0, -1]])
     pairs = [near(now) for now in when.tolist()]
@@ -206,8 +206,8 @@ def _close(pairs: tuple[Closest | None, Closest | None]) -> list[dict[str, Any] 
     found: list[dict[str, Any] | None] = []
     for near, own in zip(pairs, (None, LINKS), strict=True):
         color = None if near is None else own or clearance_colors(near.distance)
-        said = {} if near is None else {"pair": f"{near.link} – {near.other}", "words": millimetres(near.distance)}
-        found.append(None if near is None else {"points": near.points, "color": color, **said})
+        label = {} if near is None else {"pair": f"{near.link} – {near.other}", "words": millimetres(near.distance)}
+        found.append(None if near is None else {"points": near.points, "color": color, **label})
     return found
 
 
@@ -247,10 +247,10 @@ def _obstacles(scene: Scene, timeline: Timeline, when: Array, packed: Packed) ->
             places = ObstacleMotion.of(obstacle).at(np.array([timeline.seconds(now) for now in when.tolist()]))
             where = {"poses": [pin.SE3ToXYZQUAT(pin.SE3(place)) for place in places]}
         found.append({"mesh": shown, "alpha": 1, **where})
-    for asked in scene.path.regions:
-        width, depth, height = (min(edge, ENDLESS) for edge in asked.size)
+    for region in scene.path.regions:
+        width, depth, height = (min(edge, ENDLESS) for edge in region.size)
         box = drawn_box((width, depth, height))
-        pose = (*asked.pose.position, *asked.pose.quaternion_xyzw)
+        pose = (*region.pose.position, *region.pose.quaternion_xyzw)
         found.append({"mesh": packed.add(*creased(box.vertices, box.triangles), REGION), "alpha": 0.3, "pose": pose})
     return found
 

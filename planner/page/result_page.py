@@ -13,7 +13,7 @@ from hdplan.scenes.errors import InputError
 
 def result_page(result: PlanResult) -> HtmlPage:
     """Return the page of a plan's motion. Raises InputError for a result that does not say in which scene it is."""
-    if result.asked is None:
+    if result.requested is None:
         raise InputError("result.show: this result does not hold the scene that was planned in")
-    setup = Setup.of(result.asked)
+    setup = Setup.of(result.requested)
     return page_of(setup, [ShownMotion.of("planned", result.trajectory, Certifier(setup), result.certificate)])

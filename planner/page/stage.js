@@ -129,7 +129,7 @@ class Stage {
     return new Float32Array(data);
   }
 
-  look(eye, target, fov, aspect) { // as asked for a picture of this width by its height
+  look(eye, target, fov, aspect) { // for a picture of this width by its height
     const d = sub(eye, target);
     this.target = [...target]; this.far = Math.hypot(...d);
     this.azimuth = Math.atan2(d[1], d[0]); this.elevation = Math.asin(d[2] / this.far);

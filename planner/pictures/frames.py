@@ -48,7 +48,7 @@ def drawn_frames(
             figure.text(0.015, 0.965, plain(title, 60), fontsize=14, weight="bold", va="center")
             figure.text(0.985, 0.965, words, fontsize=12, ha="right", va="center")
             color = GOOD if certificate.certified else CONTACT
-            said = textwrap.fill(plain(certificate.text, 2 * TITLE_WIDTH), TITLE_WIDTH)
-            figure.text(0.015, 0.93, said, fontsize=10, color=color, va="top")
+            text = textwrap.fill(plain(certificate.text, 2 * TITLE_WIDTH), TITLE_WIDTH)
+            figure.text(0.015, 0.93, text, fontsize=10, color=color, va="top")
             canvas.draw()
             yield np.asarray(canvas.buffer_rgba())[..., :3].copy()

@@ -18,16 +18,16 @@ GOOD, BAD = "#1a7f37", "#b42318"
 def result_html(result: PlanResult) -> str:
     """Return the result as self-contained HTML."""
     color = GOOD if result.certified else BAD
-    said = [
+    parts = [
         f'<p style="margin:0"><b style="color:{color}">{html.escape(result.certificate.text)}</b><br>',
         html.escape(
             f"{result.scene} with {result.robot}: {result.trajectory.extent}, {result.iterations} iterations, "
         ),
         f"{sum(vars(result.times).values()):.2f} s</p>",
     ]
-    if result.asked is not None and importlib.util.find_spec("matplotlib") is not None:
-        said.append(_sheet(Subject.planned(Setup.of(result.asked), result)))
-    return "".join(said)
+    if result.requested is not None and importlib.util.find_spec("matplotlib") is not None:
+        parts.append(_sheet(Subject.planned(Setup.of(result.requested), result)))
+    return "".join(parts)
 
 
 def _sheet(subject: Subject) -> str:

@@ -162,9 +162,9 @@ def _mark(axis: Any, when: float, place: Place) -> None:
     """Mark the worst place, and name its bodies above the panel."""
     value = place.distance * 1e3
     axis.plot(when, value, marker=CARETDOWN, color=INK, markersize=7, clip_on=False)
-    said = f"{value:.3g}".replace("-", "−")
+    text = f"{value:.3g}".replace("-", "−")
     axis.set_title(
-        f"▼ {plain(place.link, 20)} – {plain(place.other, 20)}: {said} mm", loc="right", fontsize=7.5, weight="normal"
+        f"▼ {plain(place.link, 20)} – {plain(place.other, 20)}: {text} mm", loc="right", fontsize=7.5, weight="normal"
     )
 
 

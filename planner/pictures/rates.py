@@ -57,6 +57,6 @@ def _proven(axis: Any, subject: Subject, rate: Rate) -> None:
     use = next((use for use in subject.certificate.uses if use.quantity == rate.quantity), None)
     if use is not None:
         name = dict(zip(subject.trajectory.joint_names, short_names(subject.trajectory.joint_names), strict=True))
-        said = f"proven ≤ {share_of_limit(use.share, 1)} ({name[use.joint]})" if np.isfinite(use.share) else "jumps"
+        text = f"proven ≤ {share_of_limit(use.share, 1)} ({name[use.joint]})" if np.isfinite(use.share) else "jumps"
         style: dict[str, Any] = {} if use.within else {"color": CONTACT}
-        axis.set_title(said, loc="right", fontsize=7.5, weight="normal", **style)
+        axis.set_title(text, loc="right", fontsize=7.5, weight="normal", **style)

@@ -48,7 +48,7 @@ def simulation_sheet(simulation: Simulation, title: str) -> Figure:
             _draw(next(free), simulation, what, simulation.times, values)
         if simulation.execution is not None:
             done = simulation.execution
-            _draw(next(free), simulation, "torque", done.times[: len(done.asked)], done.asked)
+            _draw(next(free), simulation, "torque", done.times[: len(done.commanded)], done.commanded)
             errors = next(free)
             for curve, style in zip(done.errors.T, itertools.cycle(CURVES), strict=False):
                 errors.plot(done.times, curve * 1e3, linewidth=1.2, **style)

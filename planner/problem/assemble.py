@@ -147,7 +147,7 @@ def seen_anew(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> 
     shape = points if isinstance(points, Cloud) else replace(clouds[name], points=points)  # type: ignore[arg-type]
     obstacles = tuple(replace(each, shape=shape) if each.name == name else each for each in scene.obstacles)
     setup = problem.setup.changed(obstacles=obstacles)
-    seen = self_filtered(setup.asked, setup.scene, problem.robot)
+    seen = self_filtered(setup.requested, setup.scene, problem.robot)
     setup = replace(setup, scene=seen.scene, ignored=seen.notes, filtered_points=seen.points)
     found = assemble(setup, Query(problem.start, problem.goal), closely=problem.closely)
     standing, moving, bodies = found.terms.obstacles, found.terms.moving_obstacles, found.halfspace_bodies

@@ -220,8 +220,8 @@ class StaticTorque(Hinge):
     def _by_loop(self, loops: ModuleType, kinematics: KinematicsBatch, weight: Array | None) -> Penalty:
         """The penalty at samples; without weights (B,) only the depth."""
         batch, n = kinematics.columns.shape[:2]
-        asked = 0 if weight is None else batch
-        found = np.zeros((asked, n)), np.zeros((asked, n, n)), np.zeros(batch)
+        count = 0 if weight is None else batch
+        found = np.zeros((count, n)), np.zeros((count, n, n)), np.zeros(batch)
         given = kinematics.placements, kinematics.columns, weight
         return Penalty(loops.gravity_hinge(self._record.struct, *given, *found), *found)
 

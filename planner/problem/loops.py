@@ -28,8 +28,8 @@ def penalties(
     """Return the cost of a `term` at samples, its gradient (B, n) and curvature (B, n, n), and the depth (B,) [m];
     without weights (B,) only the depth, and 0 and empty arrays for the others."""
     batch, n = kinematics.columns.shape[:2]
-    asked = 0 if weight is None else batch
-    gradient, curvature, depth = np.zeros((asked, n)), np.zeros((asked, n, n)), np.zeros(batch)
+    count = 0 if weight is None else batch
+    gradient, curvature, depth = np.zeros((count, n)), np.zeros((count, n, n)), np.zeros(batch)
     cost = loops.penalties(
         *(of.struct, close_pairs.LEAST_SEPARATION, kinematics.placements, kinematics.columns, weight),
         *(gradient, curvature, depth),

@@ -182,14 +182,14 @@ class RelativeMeasure:
 
     def value(self, kinematics: KinematicsBatch) -> Array:
         """p − c, and LEVER φ."""
-        (place, turned), (asked, wanted) = self._placed(kinematics)
-        return np.stack([place - asked, LEVER * vectors_of(turned @ wanted.transpose(0, 2, 1))], axis=1)
+        (place, turned), (target, wanted) = self._placed(kinematics)
+        return np.stack([place - target, LEVER * vectors_of(turned @ wanted.transpose(0, 2, 1))], axis=1)
 
     def slope(self, kinematics: KinematicsBatch) -> Array:
         """The velocity of the one place past the other, and how φ changes as the links turn."""
         linear, angular = [], []
-        (place, turned), (asked, wanted) = self._placed(kinematics)
-        for point, moves in zip((place, asked), self.moves, strict=True):
+        (place, turned), (target, wanted) = self._placed(kinematics)
+        for point, moves in zip((place, target), self.moves, strict=True):
             linear.append((kinematics.linear + np.cross(kinematics.angular, point[:, None])) * moves[:, None])
             angular.append(kinematics.angular * moves[:, None])
         turn = turned @ wanted.transpose(0, 2, 1)
@@ -200,9 +200,9 @@ class RelativeMeasure:
     def second_order(self, kinematics: KinematicsBatch) -> Array:
         """With u the direction of the way and ṗ the velocity of the place: that of the place along u, and (|ṗ|² −
         (u·ṗ)²)/‖p − c‖. As the link turns by ω, u the axis of φ: ½ cot(‖φ‖/2) (|ω|² − (u·ω)²)."""
-        (place, turned), (asked, wanted) = self._placed(kinematics)
+        (place, turned), (target, wanted) = self._placed(kinematics)
         moves = self.moves[0].astype(np.float64) - self.moves[1]
-        unit, length = _unit(place - asked)
+        unit, length = _unit(place - target)
         wrench, hessian = point_along(place, unit)
         velocity = np.concatenate([np.broadcast_to(np.eye(3), turned.shape), -cross_matrices(place)], axis=2)
         hessian = hessian + velocity.swapaxes(1, 2) @ _across(unit, length) @ velocity
@@ -219,7 +219,7 @@ class RelativeMeasure:
 
     def written(self, place: JointPlaces) -> list[ca.MX]:
         """p − c, and LEVER φ with φ = θ/sin θ times half of what is skew in the turn."""
-        (point, turned), (asked, wanted) = (
+        (point, turned), (target, wanted) = (
             (rotation @ ca.DM(placement[:3, 3]) + place.origin(joint), rotation @ ca.DM(placement[:3, :3]))
             for joint, placement in zip(self.joints, self.placements, strict=True)
             for rotation in [place.rotation(joint)]
@@ -232,7 +232,7 @@ class RelativeMeasure:
         factor = ca.if_else(
             ca.logic_and(small, angle < 1), 1 + ca.sumsqr(skew) / 6, angle / ca.if_else(small, NO_TURN, sine)
         )
-        return [point - asked, LEVER * factor * skew]
+        return [point - target, LEVER * factor * skew]
 
     def _placed(self, kinematics: KinematicsBatch) -> list[tuple[Array, Array]]:
         """Origins (B, 3) and rotations (B, 3, 3) in the world: of the link, and of where it is to be."""
@@ -285,8 +285,8 @@ def path_terms(setup: Setup, supports: Mask) -> tuple[PathTerm, ...]:
     scene = setup.scene
     with naming(scene.source):
         return tuple(
-            PathTerm(field, _measure(asked, field, setup, supports), scene.planner.activation)
-            for field, asked in scene.path.given.items()
+            PathTerm(field, _measure(constraint, field, setup, supports), scene.planner.activation)
+            for field, constraint in scene.path.given.items()
         )
 
 
@@ -297,28 +297,28 @@ def to_path(terms: tuple[PathTerm, ...], kinematics: KinematicsBatch) -> tuple[A
     return -OVERSHOOT * np.concatenate(inside, axis=1), np.concatenate(slopes, axis=1)
 
 
-def _measure(asked: PathConstraint, field: str, setup: Setup, supports: Mask) -> WrittenMeasure:
+def _measure(constraint: PathConstraint, field: str, setup: Setup, supports: Mask) -> WrittenMeasure:
     robot = setup.robot
-    match asked:
+    match constraint:
         case Relative():
-            joints, (own, other), pose = relative_links(setup.scene, robot, asked)
+            joints, (own, other), pose = relative_links(setup.scene, robot, constraint)
             first, second = (supports[joint] for joint in joints)
-            bound = np.array([asked.position_tolerance, LEVER * asked.orientation_tolerance])
+            bound = np.array([constraint.position_tolerance, LEVER * constraint.orientation_tolerance])
             return RelativeMeasure(joints, (own, other @ pose), (first & ~second, second & ~first), bound)
         case Upright():
-            joint, placement = _carrier(robot, asked.link, field)
-            axis = placement.rotation @ np.array(asked.axis) / np.linalg.norm(asked.axis)
-            return UprightMeasure(joint, axis, supports[joint], np.array([LEVER * asked.tolerance]))
+            joint, placement = _carrier(robot, constraint.link, field)
+            axis = placement.rotation @ np.array(constraint.axis) / np.linalg.norm(constraint.axis)
+            return UprightMeasure(joint, axis, supports[joint], np.array([LEVER * constraint.tolerance]))
         case Within():
-            joint, placement = _carrier(robot, asked.link, field)
-            half, box = 0.5 * np.array(asked.size), asked.pose.matrix
+            joint, placement = _carrier(robot, constraint.link, field)
+            half, box = 0.5 * np.array(constraint.size), constraint.pose.matrix
             sides = np.isfinite(half)
-            point = placement.act(np.array(asked.point))
+            point = placement.act(np.array(constraint.point))
             return WithinMeasure(joint, point, supports[joint], box[:3, 3], box[:3, :3].T[sides], half[sides])
         case Follow():
             raise InputError(f"{field}: a single motion is not planned along a curve; a stage of a job is")
         case _:
-            assert_never(asked)
+            assert_never(constraint)
 
 
 def _carrier(robot: Robot, link: str, field: str) -> tuple[int, pin.SE3]:

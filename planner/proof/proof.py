@@ -86,7 +86,7 @@ class Planned(Protocol):
     """The part of a plan that a proof uses (`PlanResult`)."""
 
     @property
-    def asked(self) -> Scene | None:
+    def requested(self) -> Scene | None:
         """The scene of the plan."""
 
     @property
@@ -109,8 +109,8 @@ def prove_planned(
     to the file `trajectory`: hdplan neither reads nor certifies it again. The checker reads the files, and there is no
     proof if they have other numbers by now. Raises as `prove`."""
     files = _Files.of(scene, trajectory, request, robot)
-    assert result.asked is not None
-    return files.proof(Setup.of(result.asked), result.trajectory, result.certificate)
+    assert result.requested is not None
+    return files.proof(Setup.of(result.requested), result.trajectory, result.certificate)
 
 
 @dataclass(frozen=True)
@@ -191,9 +191,10 @@ class _Writer:
         return self._written(certificate, last)
 
     def _written(self, certificate: Certificate, short: float) -> Proof:
-        least, asked, bound = self.setup.scene.self_collision.clearance, certificate.required, certificate.clearance
-        lower = bound is not None and bound < asked == self.setup.scene.planner.clearance  # to who asks for less itself
-        clearance = _less(bound, 0.0 if lower else asked, short)
+        least, required, bound = self.setup.scene.self_collision.clearance, certificate.required, certificate.clearance
+        # less than the scene's only where the ends keep less, not where the caller requires less
+        lower = bound is not None and bound < required == self.setup.scene.planner.clearance
+        clearance = _less(bound, 0.0 if lower else required, short)
         own = _less(certificate.self_clearance, least, short)
         for _ in range(MOST_ROUNDS):
             began = time.process_time()
@@ -282,18 +283,18 @@ class _Writer:
             (np.array([row for row, _ in missing]), "<u4"),
             (np.array([way for _, way in missing]), "<i4"),
         )
-        written = (head, self._told())
+        written = (head, self._planned_world())
         lines = [json.dumps(each, allow_nan=False, separators=(",", ":"), default=plain) for each in written]
         content = "".join(f"{line}\n" for line in lines).encode()
         data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts), COMPRESSION)
         began = time.process_time()
-        read, told, _, trees = unpack(data)
-        need(told == lines[1].encode(), "the written file differs from the proof")
+        read, text, _, trees = unpack(data)
+        need(text == lines[1].encode(), "the written file differs from the proof")
         check_apart(world, read, trees)  # what was written, in the world that was read already
         took = self.took + time.process_time() - began
         return Proof(data, verdict_of(world, read, self.reading).text, certificate, head["leaves"], took)
 
-    def _told(self) -> dict[str, Any]:
+    def _planned_world(self) -> dict[str, Any]:
         """Return the world in which hdplan planned, with the digest alone of each mesh that the checker reads itself,
         to the same bits, and of the balls that it reads itself, which are hdplan's but for rounding: with the rows of
         those that are left out."""
@@ -310,11 +311,11 @@ class _Writer:
         return {**self.planned, "bodies": bodies}
 
 
-def _less(clearance: float | None, asked: float, short: float) -> float:
+def _less(clearance: float | None, required: float, short: float) -> float:
     """Return the clearance [m] to prove: nearly the certificate's, but not less than required."""
     if clearance is None:
         return short
-    return max(asked, clearance - min(0.9 * short, 0.5 * clearance))
+    return max(required, clearance - min(0.9 * short, 0.5 * clearance))
 
 
 def _identity(piece: Piece) -> tuple[int, bytes]:

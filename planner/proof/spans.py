@@ -22,7 +22,7 @@ from hdplan.verify.kernel import latest
 from hdplan.verify.unknown import chord
 from hdplan.verify.world import Piece, World
 
-STRAY_DISTANCE = 1e3  # [m] by which every body is said to stray, as the kernel has no bound by travel alone
+STRAY_DISTANCE = 1e3  # [m] stated for every body, as the kernel has no bound by travel alone
 
 
 class Placed(Intervals):

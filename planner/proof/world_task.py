@@ -25,39 +25,40 @@ def plain_path(setup: Setup) -> list[Plain]:
         return [_constraint(each, setup.scene.from_request) for each in setup.scene.path.given.values()]
 
 
-def _constraint(asked: PathConstraint, from_request: bool) -> Plain:
-    match asked:
+def _constraint(constraint: PathConstraint, from_request: bool) -> Plain:
+    match constraint:
         case Upright():
-            exact = asked.axis in AXES.values() and not from_request  # which narrows the tolerance of a slanted axis
+            # a request narrows the tolerance of a slanted axis
+            exact = constraint.axis in AXES.values() and not from_request
             return {
                 "kind": "upright",
-                "link": asked.link,
-                "axis": numbers(asked.axis),
-                "off": 0.0 if exact else off(asked.axis, asked.tolerance),
-                "tolerance": asked.tolerance,
+                "link": constraint.link,
+                "axis": numbers(constraint.axis),
+                "off": 0.0 if exact else off(constraint.axis, constraint.tolerance),
+                "tolerance": constraint.tolerance,
             }
         case Within():
-            place = {"point": numbers(asked.point), "size": bounds(asked.size), **frame_of(asked.pose)}
-            return {"kind": "position", "link": asked.link, **place}
+            place = {"point": numbers(constraint.point), "size": bounds(constraint.size), **frame_of(constraint.pose)}
+            return {"kind": "position", "link": constraint.link, **place}
         case Relative():
             return {
                 "kind": "relative",
-                "link": asked.link,
-                "to": asked.to,
-                "frame": None if asked.pose is None else frame_of(asked.pose),
-                "position_tolerance": asked.position_tolerance,
-                "orientation_tolerance": asked.orientation_tolerance,
+                "link": constraint.link,
+                "to": constraint.to,
+                "frame": None if constraint.pose is None else frame_of(constraint.pose),
+                "position_tolerance": constraint.position_tolerance,
+                "orientation_tolerance": constraint.orientation_tolerance,
             }
         case Follow():
             return {
                 "kind": "follow",
-                "link": asked.link,
-                "free": asked.free_rotation,
-                "poses": [frame_of(pose) for pose in asked.poses],
-                **{name: getattr(asked, name) for name in FOLLOWED},
+                "link": constraint.link,
+                "free": constraint.free_rotation,
+                "poses": [frame_of(pose) for pose in constraint.poses],
+                **{name: getattr(constraint, name) for name in FOLLOWED},
             }
         case _:
-            assert_never(asked)
+            assert_never(constraint)
 
 
 def plain_start(setup: Setup) -> list[Plain]:
@@ -101,8 +102,8 @@ def _values(setup: Setup, target: JointTarget, from_request: bool = False) -> Pl
     where a joint stands, a named state does not."""
     robot = setup.robot
     named = target.by_name or robot.named_states.get(target.state or "", {})
-    said = setup.scene.robot.locked if target.state is not None else {}
-    others = {x: at for x, at in named.items() if x in (*robot.locked, *robot.followers) and x not in said}
+    placed = setup.scene.robot.locked if target.state is not None else {}
+    others = {x: at for x, at in named.items() if x in (*robot.locked, *robot.followers) and x not in placed}
     return {"joints": numbers(robot.configuration(target, from_request)), "others": others}
 
 

@@ -23,7 +23,7 @@ from hdplan.scenes.once import read_only
 
 STRONGEST = (24.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5)  # [1/s] of s̈
 SOFTER = (4.0, 1.0)  # times s̈², of s⃛ [1/s²]
-SPEEDS = (1.0, 0.5, 0.2)  # ṡ that are aimed at: slower motions are shorter until they stand
+SPEEDS = (1.0, 0.5, 0.2)  # target values of ṡ: slower motions are shorter until they stand
 LONGEST = 1.0  # [s] in which s̈ has to come to 0: a law that takes longer is no braking
 BACKWARDS = 1e-9  # [–] ṡ below 0, from rounding
 ROOM = 1e-7  # [–] of the joints' limits that is left unused

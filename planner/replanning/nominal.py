@@ -32,7 +32,7 @@ class Nominal:
 
     motion: Trajectory  # in the order of the robot's joints, with rates
     required: float  # [m] clearance with which it was proven, as far as its ends allow
-    margin: float  # [s] for which obstacles may leave before they hinder it: what it was planned with
+    margin: float  # [s] of the obstacles' motion for which the plan left room
 
     @property
     def ends(self) -> float:
@@ -110,7 +110,7 @@ class Course:
 
     nominal: Nominal
     first: int  # row of the clock at which the law begins
-    law: Array  # (k, 3) s, ṡ, s̈ at rows of the clock; the last one holds from there on
+    law: Array  # (k, 3) s, ṡ, s̈ at rows of the clock; the last one holds afterwards
 
     def __post_init__(self) -> None:
         """Share the law read-only."""

@@ -26,7 +26,7 @@ from hdplan.scenes.limits import Limits
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import Goals, JointTarget
 
-SHARES = (1.0, 0.4, 0.0)  # of the room for what obstacles may go, with which a way is looked for
+SHARES = (1.0, 0.4, 0.0)  # of the room for the obstacles' motion, tried in this order
 LESS = 0.8  # of that room, within which a way counts as free
 BRAKING_ROOM = {"acceleration": 0.5, "jerk": 0.5}  # share of the limits that a way takes; the rest is for the law on it
 PLANNING_LIMIT = 0.5  # [s] for one way
@@ -44,7 +44,7 @@ class Question:
     nominal: Nominal | None  # that the robot drives
     anew: bool  # whether that leads to another goal
     row: int  # of the nominal motion, from which on its rest may be replaced
-    standing: Array | None  # (n,) where the robot is going to stand, and go on from; None: it goes on at `row`
+    standing: Array | None  # (n,) where the robot will stand and start again; None: it continues at `row`
     stuck: bool  # whether the robot stands, though its way may be free
 
     @property
@@ -113,7 +113,7 @@ def _way(question: Question, margin: float) -> Nominal:
     if not found.certificate.certified:
         raise HdplanError(found.certificate.text)
     scene = derived(scene, obstacles=tuple(each.obstacle for each in known if not each.obstacle.moves))
-    required, _ = Certifier(Setup.of(scene, question.robot)).asked(curve_of(question.robot, found.trajectory))
+    required, _ = Certifier(Setup.of(scene, question.robot)).required(curve_of(question.robot, found.trajectory))
     return Nominal(found.trajectory.of_joints(question.robot.joint_names, question.robot.locked), required, margin)
 
 

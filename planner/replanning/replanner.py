@@ -131,7 +131,7 @@ class Replanner:
         _check_goal(setup)
         self.robot = setup.robot
         start = self.robot.configuration(scene.start, scene.from_request)
-        self._scene, self._clock = setup.asked, clock
+        self._scene, self._clock = setup.requested, clock
         self._grid = Grid(at, self._period / ROWS)
         self._lags = tracking(scene, self.robot)
         self._speeds = setup.limits["velocity"] + tracking(scene, self.robot, "velocity")
@@ -141,7 +141,7 @@ class Replanner:
         self._ways = Ways(self.robot, executor)
         self._now = -math.inf  # of the last step
         self._off = ""  # how the robot is not where it is to be
-        self._measured: Measured | None = None  # a state that no step has looked at
+        self._measured: Measured | None = None  # a state that no step has used yet
         self._measured_at = -math.inf  # when the last one was [s]
         self._hopeful = True  # whether the last step could prove a motion
         self._clearance: float | None = None
@@ -219,7 +219,7 @@ class Replanner:
         setup = Setup.of(scene, self.robot)
         _check_goal(setup)
         with self._steps:
-            self._scene = setup.asked
+            self._scene = setup.requested
             self._ways.forget(reaches=False)
             if not self._off and self._now > -math.inf:  # the next step may then have a way already
                 row = self._grid.after(self._now + self._period + self._latency)
@@ -285,7 +285,7 @@ class Replanner:
             return
         self._measured, self._off = None, ""
         expected = self._held.at(measured.at)[0]
-        q = self.robot.nearest_turn(measured.q, expected)  # an encoder may count each turn from 0 on
+        q = self.robot.nearest_turn(measured.q, expected)  # an encoder may begin each turn at 0
         away = np.abs(q - expected) - self._lags - OFF
         i = int(away.argmax())
         if away[i] <= 0.0:

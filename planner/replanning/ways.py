@@ -17,7 +17,7 @@ from hdplan.scenes.scene import Scene
 
 AHEAD, MOST_AHEAD = 0.1, 1.0  # [s] of the nominal motion before its rest is replaced, at least and at most
 SOONER, LATER = 0.7, 1.3  # times the last lead that the next one has at least, and times what the last answer took
-AGAIN = 0.2  # [s] after a way was not found, or did not help, until one is asked for again
+AGAIN = 0.2  # [s] from a way that was not found, or did not help, to the next search
 
 
 class Ways:
@@ -28,10 +28,10 @@ class Ways:
         self.robot, self._executor, self._own = robot, executor, executor is None
         self.reaches = True  # whether the way that is driven leads to the goal
         self.why = ""  # no way was found
-        self._asked: Future[Answer] | None = None
+        self._pending: Future[Answer] | None = None
         self._question: Question | None = None  # what it asks: one that comes back from another process is a copy
-        self._asked_of: Sightings | None = None
-        self._asked_at, self._not_before, self._lead = -math.inf, -math.inf, AHEAD
+        self._pending_view: Sightings | None = None
+        self._pending_since, self._not_before, self._lead = -math.inf, -math.inf, AHEAD
         self._waiting: Answer | None = None  # a way that is not driven yet
 
     def close(self) -> None:
@@ -42,7 +42,7 @@ class Ways:
 
     def forget(self, reaches: bool) -> None:
         """Drop the request and its answer; `reaches` says whether the way that is driven leads to the goal."""
-        self._asked, self._waiting, self._not_before, self.reaches = None, None, -math.inf, reaches
+        self._pending, self._waiting, self._not_before, self.reaches = None, None, -math.inf, reaches
 
     def arrives(self, course: Course | None) -> bool:
         """True if the law of a course ends at the goal."""
@@ -51,10 +51,10 @@ class Ways:
     def hear(self, now: float, held: Held, course: Course | None, row: int) -> Course | None:
         """Take an answer, and return the course from a row of the clock: on a new way, where all that is held would
         be the same on it."""
-        if self._asked is not None and self._asked.done():
-            future, self._asked = self._asked, None
+        if self._pending is not None and self._pending.done():
+            future, self._pending = self._pending, None
             answer, self.why = _heard(future)
-            self._lead = min(max(AHEAD, SOONER * self._lead, LATER * (now - self._asked_at)), MOST_AHEAD)
+            self._lead = min(max(AHEAD, SOONER * self._lead, LATER * (now - self._pending_since)), MOST_AHEAD)
             self._waiting = None
             if answer is not None and answer.way is not None and self._question is not None:
                 self._waiting = replace(answer, question=self._question)
@@ -103,9 +103,9 @@ class Ways:
     ) -> None:
         """Ask about the way, if nothing is on its way already and something is new: the world, or that no motion is
         proven for a while."""
-        if self._asked is not None or self._waiting is not None or now < self._not_before:
+        if self._pending is not None or self._waiting is not None or now < self._not_before:
             return
-        new = seen is not self._asked_of or (not moves and now >= self._asked_at + AGAIN)
+        new = seen is not self._pending_view or (not moves and now >= self._pending_since + AGAIN)
         if course is not None and self.reaches and (course.arrives or not new):
             return
         standing = None if course is not None and moves else held.stop
@@ -117,9 +117,9 @@ class Ways:
         question = Question(scene, self.robot, seen, now, horizon, nominal, anew, at, standing, stuck=not moves)
         if self._executor is None:
             self._executor = ThreadPoolExecutor(1, thread_name_prefix="hdplan-outlook")
-        self._question, self._asked_at, self._asked_of = question, now, seen
+        self._question, self._pending_since, self._pending_view = question, now, seen
         try:
-            self._asked = self._executor.submit(outlook, question)
+            self._pending = self._executor.submit(outlook, question)
         except RuntimeError as error:  # it was shut down
             self.why, self._not_before = f"no way is searched: {error}", now + AGAIN
 

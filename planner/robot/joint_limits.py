@@ -62,10 +62,10 @@ def _less_lag(most: Array, scene: Scene, robot: Robot) -> Array:
 
 def requested_limits(scene: Scene) -> dict[str, JointValues]:
     """Return a scene's entry for each quantity that it limits, by name."""
-    said = {quantity: getattr(scene.limits, quantity) for quantity in QUANTITIES}
-    if scene.timed and said["velocity"] is None:
-        said["velocity"] = "urdf"
-    return {quantity: values for quantity, values in said.items() if values is not None}
+    given = {quantity: getattr(scene.limits, quantity) for quantity in QUANTITIES}
+    if scene.timed and given["velocity"] is None:
+        given["velocity"] = "urdf"
+    return {quantity: values for quantity, values in given.items() if values is not None}
 
 
 def _resolved(quantity: str, given: JointValues, scene: Scene, robot: Robot) -> Array:

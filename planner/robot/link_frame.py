@@ -83,17 +83,17 @@ class TwoLinks(NamedTuple):
     pose: Array  # (4, 4) of the link's frame in the other's, to be kept
 
 
-def relative_links(scene: Scene, robot: Robot, asked: Relative) -> TwoLinks:
+def relative_links(scene: Scene, robot: Robot, constraint: Relative) -> TwoLinks:
     """Look up the two links of ``path.relative``, and their relative pose at the scene's start where none is given.
 
     Raises InputError for a link that the robot does not have, for two that do not move relative to each other, and for
     a start that does not fit the robot.
     """
-    frames = links_apart(robot, asked.link, asked.to, "path.relative")
+    frames = links_apart(robot, constraint.link, constraint.to, "path.relative")
     link, other = (int(frame.parentJoint) for frame in frames)
     placements = (frames[0].placement.homogeneous, frames[1].placement.homogeneous)
-    if asked.pose is not None:
-        return TwoLinks((link, other), placements, asked.pose.matrix)
+    if constraint.pose is not None:
+        return TwoLinks((link, other), placements, constraint.pose.matrix)
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.pin_q(robot.configuration(scene.start, scene.from_request)))
     held = (data.oMi[other] * frames[1].placement).actInv(data.oMi[link] * frames[0].placement)

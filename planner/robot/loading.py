@@ -160,8 +160,10 @@ def _with_pairs(robot: Robot, apart: Iterable[LinkPair], tree: Tree, semantics: 
     notes = [*robot.notes]
     unchecked = dict.fromkeys(apart, NEVER_TOUCHING) | excluded(robot, tree, semantics, spec)
     every = [link_pair(a, b) for a, b in itertools.combinations(robot.links, 2)]
-    asked = {link_pair(a, b) for a, b in spec.check_pairs}
-    touching, proven = lasting_contacts(robot, [pair for pair in every if pair not in unchecked and pair not in asked])
+    checked = {link_pair(a, b) for a, b in spec.check_pairs}
+    touching, proven = lasting_contacts(
+        robot, [pair for pair in every if pair not in unchecked and pair not in checked]
+    )
     unchecked |= dict.fromkeys(proven, ALWAYS_TOUCHING)
     if never := list(unchecked.values()).count(NEVER_TOUCHING):
         notes.append(f"without an SRDF: link pairs that are proven never to touch, not checked: {never}")

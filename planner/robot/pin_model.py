@@ -76,9 +76,9 @@ def read_model(source: Source) -> tuple[pin.Model, pin.GeometryModel, Stamps]:
     urdf, packages = source.urdf, Packages(source.urdf, source.package_dirs)
     model, geometry, named = _read_urdf(source)
     meshes: dict[str, tuple[str, Path, Vector3]] = {}  # name of the geometry -> link, file, scale
-    for name, told in named.items():
+    for name, each in named.items():
         with naming(f"robot.urdf: {urdf}"):
-            meshes[name] = told.link, *told.found(packages)
+            meshes[name] = each.link, *each.found(packages)
     stamps = mesh_stamps(sorted({file for _, file, _ in meshes.values()}))
     trees: dict[tuple[Path, Vector3], Any] = {}
     for item in geometry.geometryObjects:
@@ -198,13 +198,13 @@ def motion_axes(joint: pin.JointModel) -> tuple[NDArray[np.float64], NDArray[np.
 
 def _quietly(read: Callable[[], Result], urdf: Path) -> Result:
     """Run a C++ reader that writes its messages to the error stream; they become the text of the error instead."""
-    with _reading, tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as said:
+    with _reading, tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as stream:
         try:
-            with _error_stream_to(said.fileno()):
+            with _error_stream_to(stream.fileno()):
                 return read()
         except (ValueError, RuntimeError) as error:
-            said.seek(0)
-            reasons = [line.removeprefix("Error:").strip() for line in said if line.startswith("Error:")]
+            stream.seek(0)
+            reasons = [line.removeprefix("Error:").strip() for line in stream if line.startswith("Error:")]
             reason = "; ".join(reasons) or " ".join(str(error).split())
             reason = reason.partition("message: ")[2].partition(" Hint:")[0] or reason  # of the mesh reader
             raise InputError(f"robot.urdf: {urdf}: {reason}") from None

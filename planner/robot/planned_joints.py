@@ -104,7 +104,7 @@ def _hands(model: pin.Model, movable: list[str], followers: Mapping[str, list[st
 
 
 def _check_list(
-    asked: tuple[str, ...],
+    requested: tuple[str, ...],
     joints: list[str],
     candidates: list[str],
     spec: RobotSpec,
@@ -112,7 +112,7 @@ def _check_list(
     semantics: Semantics,
 ) -> None:
     """Raise InputError for a joint of robot.group that cannot be planned."""
-    for i, joint in enumerate(asked):
+    for i, joint in enumerate(requested):
         why = None
         if joint in spec.locked:
             why = "is held by robot.locked: leave it out of one of the two"

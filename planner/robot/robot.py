@@ -238,6 +238,6 @@ class Robot:
             if not low - slack <= value <= high + slack:
                 beyond = f"{where}: joint '{joint}' is {value:g}, outside its limits [{low:g}, {high:g}]"
                 degrees = self.turning[self.joint_names.index(joint)] and abs(value) > TURN
-                asked = "; is it in degrees? hdplan takes radians" if degrees else ""
-                raise UnsolvableError(f"{beyond}{asked}", "end_beyond_limits")
+                hint = "; is it in degrees? hdplan takes radians" if degrees else ""
+                raise UnsolvableError(f"{beyond}{hint}", "end_beyond_limits")
         return q

@@ -54,19 +54,19 @@ class Ignoring:
     points: Array = field(default_factory=lambda: np.empty((0, 3)))  # (m, 3) left out, in the world [m]
 
 
-def self_filtered(asked: Scene, scene: Scene, robot: Robot) -> Ignoring:
+def self_filtered(requested: Scene, scene: Scene, robot: Robot) -> Ignoring:
     """Leave the points out that the clouds of a scene, as its file has it and with its files read, ask to ignore.
     Raises InputError for a cloud of which nothing is left, and for unknown links."""
     obstacles, notes, points = [], [], []
-    for said, obstacle in zip(asked.obstacles, scene.obstacles, strict=True):
+    for written, obstacle in zip(requested.obstacles, scene.obstacles, strict=True):
         kept, words, near = obstacle, [], np.empty((0, 3))
         if isinstance(cloud := obstacle.shape, Cloud):
-            unread = left_out_words(said.shape, cloud) if isinstance(said.shape, Cloud) else ""
+            unread = left_out_words(written.shape, cloud) if isinstance(written.shape, Cloud) else ""
             words = [f"cloud '{obstacle.name}': left out in reading: {unread}"] if unread else []
             if cloud.ignore_robot > 0.0 or cloud.ignore:
                 with naming(scene.source):
-                    kept, told, near = _left(obstacle, cloud, scene, robot)
-                words += [told] if told else []
+                    kept, text, near = _left(obstacle, cloud, scene, robot)
+                words += [text] if text else []
         obstacles.append(kept)
         points.append(near)
         notes += words
@@ -89,14 +89,14 @@ def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple
             found |= _within(geometry, pose, world, each.margin, ~(near | found))
             held |= _half_surrounded(geometry, pose, world, ~(near | found | held))
         held &= ~found
-        told = f"{np.count_nonzero((found | held if each.links else found) & ~near)} within "
-        told += f"{1e3 * each.margin:g} mm of {each.about}"
+        text = f"{np.count_nonzero((found | held if each.links else found) & ~near)} within "
+        text += f"{1e3 * each.margin:g} mm of {each.about}"
         if held.any() and each.links:
             found |= held
-            told += f" ({np.count_nonzero(held)} of them in meshes with holes)"
+            text += f" ({np.count_nonzero(held)} of them in meshes with holes)"
         elif held.any():
             stay.append(f"; {np.count_nonzero(held)} in {each.about}, whose mesh has holes, stay")
-        words.append(told)
+        words.append(text)
         near |= found
     if near.all():
         raise InputError(f"{where}.cloud: all of its {len(near)} points are to be ignored")
@@ -146,7 +146,7 @@ def _robot_at_start(robot: Robot, scene: Scene, links: tuple[str, ...]) -> Seque
     ]
 
 
-def _within(geometry: Any, pose: Array, points: Array, margin: float, asked: Mask) -> Mask:
+def _within(geometry: Any, pose: Array, points: Array, margin: float, candidates: Mask) -> Mask:
     """Tell which of the points (m, 3) are within `margin` [m] of a solid, or in it. A doubtful point is not: it stays
     an obstacle.
 
@@ -155,7 +155,7 @@ def _within(geometry: Any, pose: Array, points: Array, margin: float, asked: Mas
     local = (points - pose[:3, 3]) @ pose[:3, :3]
     geometry.computeLocalAABB()
     box = geometry.aabb_local
-    found: Mask = asked & ((local >= box.min_ - margin) & (local <= box.max_ + margin)).all(axis=1)
+    found: Mask = candidates & ((local >= box.min_ - margin) & (local <= box.max_ + margin)).all(axis=1)
     rows = np.flatnonzero(found)
     if len(rows) and margin > 0.0:
         order, first = grouped(local[rows], SHARE * margin)
@@ -169,13 +169,13 @@ def _within(geometry: Any, pose: Array, points: Array, margin: float, asked: Mas
     _, distance = _distances(geometry, local[rows])
     found[rows] = distance <= margin
     if isinstance(geometry, coal.BVHModelBase):  # whose distances are those of its surface
-        rows = np.flatnonzero(asked & ~found & ((local >= box.min_) & (local <= box.max_)).all(axis=1))
+        rows = np.flatnonzero(candidates & ~found & ((local >= box.min_) & (local <= box.max_)).all(axis=1))
         if len(rows) and not (solid := _solid(geometry)).open:
             found[rows] = [solid.holds(point) for point in local[rows]]
     return found
 
 
-def _half_surrounded(geometry: Any, pose: Array, points: Array, asked: Mask) -> Mask:
+def _half_surrounded(geometry: Any, pose: Array, points: Array, candidates: Mask) -> Mask:
     """Tell which of the points (m, 3) a mesh with holes surrounds by more than half; none for other solids, and for
     one-sided meshes, which have no inside."""
     found = np.zeros(len(points), dtype=bool)
@@ -184,7 +184,7 @@ def _half_surrounded(geometry: Any, pose: Array, points: Array, asked: Mask) -> 
     if not solid.shells.one_sided.any():
         low, high = solid.box
         local = (points - pose[:3, 3]) @ pose[:3, :3]
-        rows = np.flatnonzero(asked & ((local >= low) & (local <= high)).all(axis=1))
+        rows = np.flatnonzero(candidates & ((local >= low) & (local <= high)).all(axis=1))
         found[rows] = [solid.holds(point) for point in local[rows]]
     return found
 

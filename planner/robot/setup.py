@@ -44,7 +44,7 @@ class Setup:
     units: tuple[str, ...] = ()  # notes on meshes that were hardly meant in metres
     ignored: tuple[str, ...] = ()  # notes on points of clouds that were left out
     filtered_points: Array | None = None  # (m, 3) those points, in the world [m]
-    asked: Scene = None  # type: ignore[assignment]  # the scene with the names of its files, to be shown and saved
+    requested: Scene = None  # type: ignore[assignment]  # the scene with the names of its files, to be shown and saved
 
     def __post_init__(self) -> None:
         """Read the files that the scene names. Raises InputError for one that cannot be used."""
@@ -54,7 +54,7 @@ class Setup:
                 "hdplan.plan_job plan it, hdplan.certify_job checks it, and each stage of their results has its own "
                 "scene"
             )
-        object.__setattr__(self, "asked", self.asked or self.scene)
+        object.__setattr__(self, "requested", self.requested or self.scene)
         object.__setattr__(self, "scene", opened(self.scene))
 
     def __repr__(self) -> str:
@@ -79,19 +79,19 @@ class Setup:
     @classmethod
     def _read(cls, scene: Scene, robot: Robot) -> Setup:
         """Read the files of a scene with its robot, and leave out what it asks to ignore."""
-        asked = _with_links(scene, robot)
-        read = opened(asked)
-        seen = self_filtered(asked, read, robot)
+        requested = _with_links(scene, robot)
+        read = opened(requested)
+        seen = self_filtered(requested, read, robot)
         left = {old.name: new for old, new in zip(read.obstacles, seen.scene.obstacles, strict=True) if new is not old}
         if left:
-            asked = derived(asked, obstacles=tuple(left.get(each.name, each) for each in asked.obstacles))
+            requested = derived(requested, obstacles=tuple(left.get(each.name, each) for each in requested.obstacles))
         units = tuple(unlikely_units(seen.scene, robot))
-        return cls(seen.scene, robot, units=units, ignored=seen.notes, filtered_points=seen.points, asked=asked)
+        return cls(seen.scene, robot, units=units, ignored=seen.notes, filtered_points=seen.points, requested=requested)
 
-    def seeing(self, asked: Scene) -> Setup:
+    def seeing(self, requested: Scene) -> Setup:
         """Return the same robot, which was checked, in its scene seen anew: with other obstacles, or another start.
         Raises InputError for files that cannot be used."""
-        return Setup._read(asked, self.robot)
+        return Setup._read(requested, self.robot)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""
@@ -100,8 +100,12 @@ class Setup:
     def changed(self, **fields: Any) -> Setup:
         """Return the same with other fields of its scene. Raises InputError for what no scene can have, and for files
         that cannot be used."""
-        asked = derived(self.asked, **fields)
-        return replace(self, scene=asked if self.scene is self.asked else derived(self.scene, **fields), asked=asked)
+        requested = derived(self.requested, **fields)
+        return replace(
+            self,
+            scene=requested if self.scene is self.requested else derived(self.scene, **fields),
+            requested=requested,
+        )
 
     @cached_property
     def query(self) -> Query:
@@ -182,11 +186,11 @@ class Setup:
         if self.aimed or isinstance(scene.goal, Goals) or not np.isinf(robot.lower).any():
             return ()
         goal = self.query.goal  # first, as it checks the values
-        asked = robot.configuration(scene.goal, scene.from_request)
+        given = robot.configuration(scene.goal, scene.from_request)
         off = [
-            f"{joint} at {goal[i]:.6g} instead of {asked[i]:.6g}"
+            f"{joint} at {goal[i]:.6g} instead of {given[i]:.6g}"
             for i, joint in enumerate(robot.joint_names)
-            if goal[i] != asked[i]
+            if goal[i] != given[i]
         ]
         return (f"{scene.goal.field}: whole turns away, by the short way round: {', '.join(off)}",) if off else ()
 

@@ -46,8 +46,8 @@ def srdf_of(spec: RobotSpec) -> tuple[str, dict[str, int]]:
         if reason in REASONS and pair in robot.unchecked
     }
     root = ElementTree.Element("robot", name=tree.name)
-    said = "always and never: by proof; adjacent: at one joint"
-    root.append(ElementTree.Comment(f" {MADE_HERE} link pairs that are not checked, {said} "))
+    reasons = "always and never: by proof; adjacent: at one joint"
+    root.append(ElementTree.Comment(f" {MADE_HERE} link pairs that are not checked, {reasons} "))
     for (a, b), reason in found.items():
         ElementTree.SubElement(root, "disable_collisions", link1=a, link2=b, reason=reason)
     ElementTree.indent(root)

@@ -25,7 +25,7 @@ def unlikely_units(scene: Scene, robot: Robot) -> Iterator[str]:
             size = float(np.ptp(obstacle.shape.mesh.vertices, axis=0).max())
             if size > LARGE_MESH * reach:
                 about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
-                yield f"{about} is {size:.3g} m large, {size / reach:.0f} times the robot's reach{ASKED}"
+                yield f"{about} is {size:.3g} m large, {size / reach:.0f} times the robot's reach{HINT}"
 
 
 @made_once(8)
@@ -34,14 +34,14 @@ def _of_links(robot: Robot) -> tuple[tuple[str, ...], float]:
     sizes = {link: _size_of(robot, link) for link in robot.link_geometry}
     arm = _chain(robot)
     notes = tuple(
-        f"link '{link}' is {size:.3g} m large, {size / arm:.0f} times as far as the joints reach{ASKED}"
+        f"link '{link}' is {size:.3g} m large, {size / arm:.0f} times as far as the joints reach{HINT}"
         for link, size in sizes.items()
         if arm > 0.0 and size > LARGE_MESH * arm
     )
     return notes, arm + max(sizes.values(), default=0.0)
 
 
-ASKED = ": is it in millimetres? hdplan takes metres (a scale of 0.001 makes them)"
+HINT = ": is it in millimetres? hdplan takes metres (a scale of 0.001 makes them)"
 
 
 def _chain(robot: Robot) -> float:

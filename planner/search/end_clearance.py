@@ -31,22 +31,22 @@ def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tupl
                     "robot.calibration)",
                     "end_too_close",
                 )
-            said = "; ".join(
+            text = "; ".join(
                 f"{c.link} and {c.other} " + (f"overlap by {c.depth * 1e3:.3g} mm" if c.depth else "touch")
                 for c in contacts[:3]
             )
-            said += setup.robot.doubt((c.link, c.other) for c in contacts)
-            raise UnsolvableError(f"{scene.source}: {field}: in collision: {said}", "end_in_contact")
+            text += setup.robot.doubt((c.link, c.other) for c in contacts)
+            raise UnsolvableError(f"{scene.source}: {field}: in collision: {text}", "end_in_contact")
         if departures := certifier.off_path(q):
             broken = "; ".join(each.words for each in departures)
             raise UnsolvableError(f"{scene.source}: {field}: breaks a path constraint: {broken}", "end_off_path")
         if overload := certifier.overload(q):
             raise UnsolvableError(f"{scene.source}: {field}: {overload}", "end_overloaded")
-        for place, asked in close:
+        for place, needed in close:
             if place.other not in lenient:
                 raise UnsolvableError(
                     f"{scene.source}: {field}: {place.link} is {place.words} from {place.other}, "
-                    f"{asked * 1e3:g} mm are required (obstacles[].clearance, self_collision.clearance)",
+                    f"{needed * 1e3:g} mm are required (obstacles[].clearance, self_collision.clearance)",
                     "end_too_close",
                 )
         required, word = certifier.allowed(field, close, required)

@@ -42,8 +42,8 @@ def free_space(problem: Problem, required: float) -> Record | None:
         if term is not None:
             assert isinstance(term.distance, ExactPairs)
             pairs, distance = term.pairs, term.distance
-            asked = (pairs.margins - activation - less)[pairs.halfspace_body]
-            floors, reach = _floors(problem, distance, asked), _reach(chain, distance, travel)
+            needed = (pairs.margins - activation - less)[pairs.halfspace_body]
+            floors, reach = _floors(problem, distance, needed), _reach(chain, distance, travel)
             around = ExactPairs(pairs, problem.bodies, distance.solids).record
             kept.append(
                 Record("keeping", distance.record, around, pairs.tables, pairs.moves, reach, floors, pairs.radii)
@@ -73,7 +73,7 @@ def with_these_alone(space: Record, joints: Mask) -> Record:
     return Record(space.kind, tree, n, leader, *rest, tuple(map(left, kept)))
 
 
-def _floors(problem: Problem, distance: ExactPairs, asked: Array) -> Array:
+def _floors(problem: Problem, distance: ExactPairs, needed: Array) -> Array:
     """The gap that each pair has to keep (P,) [m]: the required one and SPARE_CLEARANCE, or less where an end has less
     to spare. Where the hulls of a pair overlap at an end, the links themselves do not: it is left to the
     certificate."""
@@ -81,7 +81,7 @@ def _floors(problem: Problem, distance: ExactPairs, asked: Array) -> Array:
     sample, pair = (index.ravel() for index in np.indices((2, count)))
     found, _, _ = distance(problem.placed(np.stack([problem.start, problem.goal])), sample, pair)
     gap = (found + distance.pairs.margins[distance.pairs.halfspace_body][pair]).reshape(2, count).min(axis=0)
-    return np.where(gap > asked, asked + np.minimum(SPARE_CLEARANCE, KEPT_SHARE * (gap - asked)), -np.inf)
+    return np.where(gap > needed, needed + np.minimum(SPARE_CLEARANCE, KEPT_SHARE * (gap - needed)), -np.inf)
 
 
 def _reach(chain: Chain, distance: ExactPairs, travel: Array) -> Array:

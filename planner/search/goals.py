@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 DRAWN = 10  # rounds of draws at most, where a pose can be reached but not freely
-CHECKED_TOGETHER = 16  # configurations that are asked together whether they are free
+CHECKED_TOGETHER = 16  # configurations in one collision check
 COMPARED_GOALS = 12  # free configurations of a pose that are compared, those nearest to the start
 CLOSE_GOAL = 0.03  # [m] to an obstacle below which a goal is penalized
 FEWEST_STARTS = 16  # of inverse kinematics, where there are many targets
@@ -110,8 +110,8 @@ def goals_in_turn(certifier: Certifier, seed: int = 0, each: int = 1) -> Iterato
     heapify(waiting)
     none = True
     while waiting:
-        _, asked, i = heappop(waiting)
-        if asked:
+        _, checked, i = heappop(waiting)
+        if checked:
             none = False
             yield looked[i].goals[0]
         elif looked[i].free:
@@ -311,9 +311,9 @@ def _fault(certifier: Certifier, q: Array) -> tuple[str, str]:
         return "end_off_path", f"breaks a path constraint: {departures[0].words}"
     if overload := certifier.overload(q):
         return "end_overloaded", f"overloads a joint: {overload}"
-    place, asked = certifier.too_close(q, 0.0, certifier.scene.end_time)[0]
+    place, required = certifier.too_close(q, 0.0, certifier.scene.end_time)[0]
     if place.distance > 0.0:
-        found = f"{place.distance * 1e3:.3g} mm, {asked * 1e3:g} mm are required"
+        found = f"{place.distance * 1e3:.3g} mm, {required * 1e3:g} mm are required"
         return "end_too_close", f"too close: from {place.link} to {place.other} {found}"
     depth = f"overlap by {-place.distance * 1e3:.3g} mm" if place.distance else "touch"
     doubt = certifier.robot.doubt([(place.link, place.other)])

@@ -68,15 +68,15 @@ def anytime_curves(
         report(k, len(scenes), f"quality over time {scene.name}")
         if stop():
             break
-        asked = _in_time(scene, QUICK_ROUNDS if quick else ROUNDS)
-        if asked.objective != "time":
+        timed = _in_time(scene, QUICK_ROUNDS if quick else ROUNDS)
+        if timed.objective != "time":
             refused.append(f"{scene.name}: its duration is given")
             continue
         try:
-            robot = Setup.of(asked).robot
-            first = replace(asked, planner=replace(asked.planner, polish=0))
+            robot = Setup.of(timed).robot
+            first = replace(timed, planner=replace(timed.planner, polish=0))
             plan(first, robot=robot, stop=stop)  # compiles and fits
-            curve = _curve((first, asked), robot, stop)
+            curve = _curve((first, timed), robot, stop)
         except InputError as error:
             refused.append(str(error))
             continue

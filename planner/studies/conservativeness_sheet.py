@@ -39,9 +39,9 @@ def conservativeness_sheet(found: Conservativeness, tolerances: np.ndarray) -> F
                 tolerances, percent, color=color, linewidth=1.7, marker=marker, markevery=6, markersize=5.5,
                 label=f"{rung.normals}: {worst}",
             )  # fmt: skip
-        for gap, said, words, place, align in PAPER:
-            axis.plot(gap, said, "o", markersize=11, markerfacecolor="none", markeredgecolor=CONTACT)
-            axis.annotate(words, (gap, said), place, textcoords="offset points", color=CONTACT, ha=align)
+        for gap, published, words, place, align in PAPER:
+            axis.plot(gap, published, "o", markersize=11, markerfacecolor="none", markeredgecolor=CONTACT)
+            axis.annotate(words, (gap, published), place, textcoords="offset points", color=CONTACT, ha=align)
         axis.set_xscale("log")
         axis.set_yscale("log")
         axis.set_xlim(tolerances[0] * 0.85, tolerances[-1] * 1.05)

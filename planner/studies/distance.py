@@ -74,11 +74,11 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
     choice = best_buy(eligible, GAP, "gradient", found.plan.random * len(found.bodies))
     notes = [*_about(found), *_advice(means, choice)]
     title = "# What accuracy of the distance costs in time\n"
-    told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
+    text = "".join(f"- **{what}**: {words}\n" for what, words in notes)
     took = f"{perf_counter() - begin:.0f} s on {os.cpu_count()} processors"
     measured = f"- **measured** in {took}{'' if complete else ', interrupted: what there was until then'}\n"
     markdown = "\n".join(
-        [title, told + measured, LEGEND.format(block=BLOCK), markdown_text([_short_row(e) for e in means])]
+        [title, text + measured, LEGEND.format(block=BLOCK), markdown_text([_short_row(e) for e in means])]
     )
     every = [_row(entry) for entry in (*found.entries, *means)]
     contents: list[str | bytes] = [csv_text(every), markdown, png(study_sheet(found, choice))]

@@ -34,7 +34,8 @@ QUICK_CONFIGURATIONS, QUICK_NORMALS = 15_000, ("paper", "paper+edges")
 QUICK_PAIRS = (("tetrahedron", "tetrahedron"), ("cube", "cube"), ("octahedron", "icosahedron"))
 TOLERANCES = read_only(np.geomspace(1e-4, 0.3, 70))  # [m] of the curve
 SHOWN = {"0.1 mm": 1e-4, "1 cm": 1e-2, "10 cm": 0.1, "30 cm": 0.3}  # gaps of the printed table [m]
-SAID = (("0.1 mm", "around 0.7", 0.85), ("10 cm", "below 0.2", 0.2))  # the paper's false positives [%], and our limit
+# the paper's false positives [%], and our limit
+PUBLISHED = (("0.1 mm", "around 0.7", 0.85), ("10 cm", "below 0.2", 0.2))
 PAPER_RATIOS = (  # how many times as long the paper's HD-SDF takes on one core as others, at most
     ("HD-SDF slower than FCL, up to", "FCL", 500),
     ("HD-SDF slower than GDF, up to", "GDF uaibot", 50),
@@ -86,11 +87,17 @@ def reproduce_conservativeness(folder: Path, quick: bool, report: Reporter, stop
     ]
     own = found.rungs[0]
     paper: list[dict[str, Cell]] = []
-    for gap, said, limit in SAID:
+    for gap, published, limit in PUBLISHED:
         among, of_all = (100.0 * float(rate(own, SHOWN[gap])) for rate in (found.rates, found.rates_of_all))
         verdict = ("met" if among < limit else "missed") if found.complete and not quick else "too few to say"
         paper.append(
-            {"gap": gap, "the paper [%]": said, "of those apart": short(among), "of all": short(of_all), "": verdict}
+            {
+                "gap": gap,
+                "the paper [%]": published,
+                "of those apart": short(among),
+                "of all": short(of_all),
+                "": verdict,
+            }
         )
     exact = "not held against FCL's, which is not installed: pip install python-fcl"
     if found.fcl_compared:
@@ -171,10 +178,10 @@ def reproduce_time(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
     compare: list[dict[str, Cell]] = [
         {"": "slowest HD-SDF on one core", "paper": "5 ms", "here": worst, "pair": _names(slowest)}
     ]
-    for words, other, said in PAPER_RATIOS:
+    for words, other, published in PAPER_RATIOS:
         if other in names:
             ratio, pair = max((pair.ratio("compiled", other), _names(pair)) for pair in found.pairs)
-            compare.append({"": words, "paper": f"{said} ×", "here": f"{ratio:.3g} ×", "pair": pair})
+            compare.append({"": words, "paper": f"{published} ×", "here": f"{ratio:.3g} ×", "pair": pair})
     missing = [name for name in METHODS if name not in names]
     notes = [("HD-SDF", "by CasADi's interpreter; compiled, one pose a call and a table of poses; in JAX batches")]
     if "JAX batch" in names:

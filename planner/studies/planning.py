@@ -115,7 +115,7 @@ def study_planning(folder: Path, scenes: Sequence[Scene], quick: bool, report: R
         notes.append(("without quality over time", "; ".join(left_out)))
     took = f"{perf_counter() - begin:.0f} s on {os.cpu_count()} processors"
     notes.append(("measured", f"in {took}{'' if complete else ', interrupted: what there was until then'}"))
-    told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
+    text = "".join(f"- **{what}**: {words}\n" for what, words in notes)
     near = sum(len(run.lost) for run in found.of(found.variants[0]))
     legend = LEGEND.format(limit=TIME_LIMIT, near=near, reach=100 * NEAR_CONTACT, little=LEAST_REFERENCE)
     tables = {
@@ -123,7 +123,7 @@ def study_planning(folder: Path, scenes: Sequence[Scene], quick: bool, report: R
         "what guesses cost in time": by_guesses(found.of(found.variants[0])),
     }
     first, second = map(markdown_text, tables.values())
-    parts = ["# What accuracy costs in time, for planning\n", told, legend, first, GUESSES, second]
+    parts = ["# What accuracy costs in time, for planning\n", text, legend, first, GUESSES, second]
     pictures: list[str | bytes] = [png(planning_sheet(rows, complete))]
     if curves:
         tables["what quality costs in time"] = shares(curves)

@@ -48,13 +48,13 @@ def kinematics(robot: Robot | Scene, link: str | None = None) -> ca.Function:
     return ca.Function("kinematics", [q], [pose], ["q"], ["pose"])
 
 
-def robot_of(asked: Robot | Scene) -> Robot:
+def robot_of(source: Robot | Scene) -> Robot:
     """Return a robot as it was loaded, or that of a scene."""
-    if isinstance(asked, Scene):
-        return Setup.of(asked).robot
-    instance(asked, Robot, "robot")
-    check_as_loaded(asked)
-    return asked
+    if isinstance(source, Scene):
+        return Setup.of(source).robot
+    instance(source, Robot, "robot")
+    check_as_loaded(source)
+    return source
 
 
 def joint_values(robot: Robot, q: Expression) -> Expression:

@@ -95,11 +95,11 @@ def all_movable(setup: Setup) -> ScenePairs:
     return scene_pairs(setup, [each.name for each in setup.scene.obstacles], activated=False)
 
 
-def _movable(setup: Setup, asked: Sequence[str] | None) -> tuple[Obstacle, ...]:
+def _movable(setup: Setup, names: Sequence[str] | None) -> tuple[Obstacle, ...]:
     """Return the obstacles that move in the scene, or are named."""
     obstacles = setup.scene.obstacles
     known = [each.name for each in obstacles]
-    wanted = checked(Row(text, of="names of obstacles"), asked, "movable")
+    wanted = checked(Row(text, of="names of obstacles"), names, "movable")
     for name in wanted:
         if name not in known:
             raise InputError(f"movable: {setup.scene.name} has no obstacle '{name}'{nearest(name, known)}")

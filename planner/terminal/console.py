@@ -69,7 +69,7 @@ class _Lines(Steps):
 
     def __init__(self, step: str) -> None:
         self._step, self._long, self._lock = step, False, threading.Lock()
-        self._said = -math.inf  # when the last line was printed: time.monotonic()
+        self._last_line = -math.inf  # when the last line was printed: time.monotonic()
         self._timer = threading.Timer(LONG_WAIT, self._begin_to_say)
         self._timer.daemon = True
         self._timer.start()
@@ -81,7 +81,7 @@ class _Lines(Steps):
 
     def at(self, doing: str) -> None:
         with self._lock:
-            if time.monotonic() - self._said >= LONG_WAIT:  # a line for each would be too many
+            if time.monotonic() - self._last_line >= LONG_WAIT:  # a line for each would be too many
                 self._step = doing
                 self._say()
 
@@ -98,7 +98,7 @@ class _Lines(Steps):
 
     def _say(self) -> None:
         if self._long:
-            self._said = time.monotonic()
+            self._last_line = time.monotonic()
             with contextlib.suppress(OSError):  # the stream is closed
                 say(f"{self._step} ...", "dim")
 
@@ -178,11 +178,11 @@ def counting(word: str, enough: int = 10) -> Iterator[Any]:
                 before, began = done - 1, time.monotonic()  # those of the continued earlier run
             good += well
             found = done - before
-            said = f"{good} {word}, {found - good} not" + f", {before} done before" * (before > 0)
+            text = f"{good} {word}, {found - good} not" + f", {before} done before" * (before > 0)
             if found >= max(enough, 2):
                 rate = (found - 1) / max(time.monotonic() - began, 1e-9)  # the first one waits for the workers, too
-                said += f", {rate:.3g} a second" + f", about {_duration((of - done) / rate)} left" * (done < of)
-            show(done, of, said, words)
+                text += f", {rate:.3g} a second" + f", about {_duration((of - done) / rate)} left" * (done < of)
+            show(done, of, text, words)
 
         yield report, note.pressed
 
@@ -203,10 +203,10 @@ def _counts() -> Iterator[Callable[[int, int, str, str], None]]:
     with Progress(*columns, console=PlainConsole(sys.stderr), transient=True) as bar:
         task = bar.add_task("starting", total=None)
 
-        def show(done: int, of: int, said: str, words: str) -> None:
+        def show(done: int, of: int, text: str, words: str) -> None:
             nonlocal last
             last = words or last
-            bar.update(task, completed=done, total=of, description=one_line(f"{said}  {last}"))
+            bar.update(task, completed=done, total=of, description=one_line(f"{text}  {last}"))
 
         yield show
 
@@ -215,11 +215,11 @@ def _counts() -> Iterator[Callable[[int, int, str, str], None]]:
 def _lines_between() -> Iterator[Callable[[int, int, str, str], None]]:
     last = time.monotonic()
 
-    def show(done: int, of: int, said: str, words: str) -> None:
+    def show(done: int, of: int, text: str, words: str) -> None:
         nonlocal last
         if time.monotonic() - last >= LINE_INTERVAL:
             last = time.monotonic()
-            say(f"{done} of {of}: {said}", "dim")
+            say(f"{done} of {of}: {text}", "dim")
 
     yield show
 

@@ -122,9 +122,9 @@ def _obstacles(problem: Problem) -> Rows:
         met = Counter(problem.halfspace_bodies[index].name for index in standing.pairs.halfspace_body.tolist())
     moving = sum(body.joint > 0 for body in problem.bodies)
     rows: Rows = []
-    asked = {obstacle.name: obstacle for obstacle in problem.setup.asked.obstacles}
+    requested = {obstacle.name: obstacle for obstacle in problem.setup.requested.obstacles}
     for obstacle in problem.scene.obstacles[:MOST_OBSTACLES]:
-        words, kind = _words(asked[obstacle.name], obstacle)
+        words, kind = _words(requested[obstacle.name], obstacle)
         leaves = obstacle.uncertainty.speed if obstacle.uncertainty else 0.0
         pieces[obstacle.name] //= len(spans(obstacle, problem.scene.end_time)) if leaves else 1
         words += f" in {pieces[obstacle.name]} {kind}" if pieces[obstacle.name] > 1 else ""
@@ -148,12 +148,12 @@ def _obstacles(problem: Problem) -> Rows:
     return [*rows, ("…", f"and {left} more")] if left > 0 else rows
 
 
-def _words(asked: Obstacle, read: Obstacle) -> tuple[str, str]:
+def _words(requested: Obstacle, read: Obstacle) -> tuple[str, str]:
     """Return words for an obstacle's shape, and for the planner's parts of it."""
     shape = read.shape
     if isinstance(shape, Seen):
-        assert isinstance(asked.shape, Seen)
-        return seen_words(asked.shape, shape), "boxes"
+        assert isinstance(requested.shape, Seen)
+        return seen_words(requested.shape, shape), "boxes"
     return operations(shape).words(shape), "convex pieces"
 
 

@@ -165,10 +165,10 @@ def _ends(scene: Scene) -> tuple[Effect, ...]:
 
 
 def _on_the_way(scene: Scene) -> tuple[Effect, ...]:
-    said = {name: _kept_all_along(each) for name, each in scene.path.given.items()}
+    values = {name: _kept_all_along(each) for name, each in scene.path.given.items()}
     kinds = (each.name for each in dataclasses.fields(scene.path) if each.name != "follow")  # which jobs alone have
     names = (f"path.{kind}" for kind in kinds)
-    return tuple(Effect(name, said.get(name, ""), f"needs {name}") for name in names)
+    return tuple(Effect(name, values.get(name, ""), f"needs {name}") for name in names)
 
 
 def _moving_ends(problem: Problem) -> Effect:

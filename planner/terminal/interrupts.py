@@ -43,7 +43,7 @@ def ended_by_signals() -> Iterator[None]:
     """
     ending: Callable[[], BaseException] | None = None
 
-    def asked(number: int, _: object) -> None:
+    def on_signal(number: int, _: object) -> None:
         nonlocal ending
         ending = EXCEPTIONS[number]
         _alarm(RERAISE_DELAY)
@@ -59,7 +59,7 @@ def ended_by_signals() -> Iterator[None]:
 
     hook = sys.unraisablehook
     asking = [number for number in EXCEPTIONS if signal.getsignal(number) is not signal.SIG_IGN]
-    handlers: dict[int, Callable[..., None]] = dict.fromkeys(asking, asked)
+    handlers: dict[int, Callable[..., None]] = dict.fromkeys(asking, on_signal)
     if sys.platform != "win32":
         handlers[signal.SIGALRM] = again
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}

@@ -38,9 +38,9 @@ def command_of(app: typer.Typer) -> Any:
 
 def _read_plainly(command: Any) -> None:
     for parameter in command.get_params(typer.Context(command)):  # --help too
-        told = getattr(parameter, "type_descriptor", None)
-        if told is not None and hasattr(parameter, "_runtime_param"):
-            make = getattr(told.parameter_info, "parser", None) or MADE.get(told.annotation)
+        descriptor = getattr(parameter, "type_descriptor", None)
+        if descriptor is not None and hasattr(parameter, "_runtime_param"):
+            make = getattr(descriptor.parameter_info, "parser", None) or MADE.get(descriptor.annotation)
             if make is not None:
                 parameter._runtime_param = Reader(make)
     for below in getattr(command, "commands", {}).values():

@@ -40,7 +40,7 @@ def run(app: typer.Typer) -> NoReturn:
         if isinstance(stream, io.TextIOWrapper):  # names of files and obstacles hold any character
             stream.reconfigure(errors=register())
     gc.set_threshold(NEW_OBJECTS)
-    atexit.register(gc.freeze)  # at the end all memory is given back, with cycles or without
+    atexit.register(gc.freeze)  # at the end all memory is given back, cycles included
     warnings.showwarning = lambda message, *_, **__: say(f"note: {message}", "yellow")  # a line, not a source location
     try:
         with ended_by_signals():
@@ -75,11 +75,11 @@ def complain(text: str, code: int = BAD_INPUT) -> int:
 
 def _internal(error: Exception) -> int:
     """Print one line about an internal error, or all of it where DEBUG asks for it, and return its exit code."""
-    said = f"internal error, please report it with the scene and the command: {_fault(error)}"
+    text = f"internal error, please report it with the scene and the command: {_fault(error)}"
     if not debugging():
-        return complain(f"{said}; {DEBUG}=1 shows it whole", INTERNAL)
+        return complain(f"{text}; {DEBUG}=1 shows it whole", INTERNAL)
     traceback.print_exception(error)
-    return complain(said, INTERNAL)
+    return complain(text, INTERNAL)
 
 
 def _fault(error: Exception) -> str:

@@ -104,7 +104,7 @@ class MovingEnds:
         """Return how the robot brakes from the start's rates, or, backwards, from those of the goal. Of those that meet
         nothing, the one is taken from which the straight line to the `other` end (n,) takes the least time."""
         self._check_rates(rates)
-        setup, said, found = self.setup, list[str](), list[tuple[float, Braking]]()
+        setup, reasons, found = self.setup, list[str](), list[tuple[float, Braking]]()
         scene, way = setup.scene, 1.0 if end == "start" else -1.0
         at = setup.robot.configuration(getattr(scene, end), scene.from_request)
         swings = [(share, 1.0) for share in SHARES]
@@ -115,11 +115,11 @@ class MovingEnds:
             braking = brake(way * rates.velocity, rates.acceleration, limits, 1.0 / self.rate, swing)
             if isinstance(braking, int):
                 joint = setup.robot.joint_names[braking]
-                said.append(f"joint '{joint}' passes its limit of velocity before its acceleration has changed")
+                reasons.append(f"joint '{joint}' passes its limit of velocity before its acceleration has changed")
                 continue
             part, stands = (braking if end == "start" else braking.backwards), at - braking.away[0]
             if why := self._hindrance(stands + part.away, part, rates):
-                said.append(why)
+                reasons.append(why)
             else:
                 found.append((self._estimate(braking, stands, stands if other is None else other), braking))
         for _, braking in sorted(found, key=lambda each: each[0]):
@@ -130,10 +130,10 @@ class MovingEnds:
             joints, locked = setup.robot.joint_names, setup.robot.locked
             if not (why := self.meets(Trajectory(joints, rows, locked, times, part.velocity, part.acceleration))):
                 return braking
-            said.append(why)
+            reasons.append(why)
         what = "the robot cannot brake from it" if end == "start" else "the robot cannot come to it from standing"
         raise UnsolvableError(
-            f"{scene.source}: {rates.field}.velocity: {what}: {said[-1] if found else said[0]}", "end_too_fast"
+            f"{scene.source}: {rates.field}.velocity: {what}: {reasons[-1] if found else reasons[0]}", "end_too_fast"
         )
 
     def _estimate(self, braking: Braking, stands: Array, other: Array) -> float:

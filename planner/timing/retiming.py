@@ -346,9 +346,9 @@ class Retimer:
     def _time_optimal(self, spline: PathSpline) -> Stepwise:
         """Return the fastest law within the limits that it knows."""
         path = OnGrid.of(spline)
-        asked = [rows for limit in self.limits if (rows := limit.rows(path)) is not None]
+        parts = [rows for limit in self.limits if (rows := limit.rows(path)) is not None]
         squares = self.shares[:, None] ** 2  # a ü + b u̇² ≤ s² c: u̇/s and ü/s² keep the limit
-        return time_optimal([rows._replace(c=squares * rows.c) for rows in asked])
+        return time_optimal([rows._replace(c=squares * rows.c) for rows in parts])
 
     def _check_rows(self, duration: float, rows: float = 0.0) -> None:
         """Refuse a motion with more rows than are allowed, those that the rate asks for or more, before computing

@@ -26,7 +26,7 @@ from hdplan.scenes.values import instance
 
 Array = Any  # NumPy's or JAX's
 
-SAID = ("waypoints", "planned joints", *("joints",) * 4, "planner.gamma")  # of a structure
+STRUCTURE = ("waypoints", "planned joints", *("joints",) * 4, "planner.gamma")  # its sizes
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=("tables",), meta_fields=("structure",))
@@ -145,7 +145,7 @@ def jax_cost(problem: Problem | list[Problem] | tuple[Problem, ...]) -> JaxCost:
         raise InputError("problem: found an empty list, allowed is a Problem, or a list of them")
     first, *others = (_structure(*each) for each in zip(several, names, strict=True))
     for name, other in zip(names[1:], others, strict=True):
-        for what, own, found in zip(SAID, first, other, strict=True):
+        for what, own, found in zip(STRUCTURE, first, other, strict=True):
             if found != own:
                 shown = f": {found}, not {own}" if isinstance(own, int) else ""
                 raise InputError(f"{name}: has other {what} than problem[0]{shown}")

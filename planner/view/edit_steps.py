@@ -63,7 +63,7 @@ class Editing:
         self.buttons = gui.add_button_group(
             "history", ("undo", "redo", "reset"), hint="of scene and motions; reset: the scene as it was"
         )
-        self._said = gui.add_html("")
+        self._text = gui.add_html("")
         self.buttons.on_click(lambda event: self.ask(str(event.target.value)))
         self._numbers = itertools.count()
         self._typed: set[str] = set()  # the fields whose new values wait
@@ -72,9 +72,9 @@ class Editing:
         self._timers: dict[str, threading.Timer] = {}  # by what is to be done
 
     @property
-    def said(self) -> str:
+    def text(self) -> str:
         """The refused values, as HTML."""
-        return str(self._said.content)
+        return str(self._text.content)
 
     def ask(self, way: str) -> None:
         """Ask for "undo", "redo" or "reset"; each press counts. By any thread."""
@@ -87,11 +87,11 @@ class Editing:
     def edit(self, field: str, edit: Edit, typed: tuple[str, ...] = ()) -> None:
         """Ask for an edit of a field, in which that is `typed`; of several values that wait, only the newest counts. By
         any thread."""
-        asked = time.monotonic()
+        moment = time.monotonic()
 
         def job() -> None:
             self._typed.discard(field)
-            if not self.guarded(lambda: self.apply(field, edit, asked, typed)):
+            if not self.guarded(lambda: self.apply(field, edit, moment, typed)):
                 self._later("values", LINGERS, self._viewer.panel.show_values)
 
         self._typed.add(field)
@@ -122,12 +122,12 @@ class Editing:
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
-    def apply(self, field: str, edit: Edit, asked: float | None = None, typed: tuple[str, ...] = ()) -> None:
-        """Show what an edit makes of the scene that was `asked` for at a moment [s]; without one, it is a step of its
+    def apply(self, field: str, edit: Edit, moment: float | None = None, typed: tuple[str, ...] = ()) -> None:
+        """Show what an edit makes of the scene at a `moment` [s]; without one, it is a step of its
         own. Raises InputError, and changes nothing, for what it does not allow; what was taken of the same that is
         `typed` goes, too."""
         viewer, last, handles = self._viewer, self._last, self._viewer.panel.handles
-        together, selected = last.goes_on(field, viewer.edited, asked, typed), handles.selected
+        together, selected = last.goes_on(field, viewer.edited, moment, typed), handles.selected
         self._doing = field
         try:
             edited = edit(viewer.edited)
@@ -161,7 +161,7 @@ class Editing:
 
     def say(self, text: str) -> None:
         """Say something that was done, or nothing."""
-        self._said.content = small(html.escape(text))
+        self._text.content = small(html.escape(text))
 
     def _back(self, way: str) -> None:
         viewer, history = self._viewer, self._viewer.document.history
@@ -184,7 +184,7 @@ class Editing:
             job()
         except HdplanError as error:
             words = str(error).removeprefix(source).replace(folder, "")
-            self._said.content = small(f'<span class="hd-bad">not done: {html.escape(words)}</span>')
+            self._text.content = small(f'<span class="hd-bad">not done: {html.escape(words)}</span>')
             return False
         return True
 

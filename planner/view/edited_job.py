@@ -50,7 +50,7 @@ class EditedJob:
     def done(self, trajectory: Trajectory, certificate: JobCertificate, failure: str = "") -> EditedJob:
         """Return the same scene with a motion of its job, which was certified in it, measured and ready to be drawn."""
         shown = ShownJob(self.scene, trajectory, certificate)
-        _ = shown.setup, shown.motion  # here and now: whoever draws is not to wait
+        _ = shown.setup, shown.motion  # now, so that drawing does not wait
         return replace(self, shown=shown, failure=failure)
 
     @cached_property

@@ -48,7 +48,7 @@ class Edited:
     @property
     def scene(self) -> Scene:
         """The scene, with its goal and its files on request."""
-        return self.setup.asked
+        return self.setup.requested
 
     @property
     def read(self) -> Scene:

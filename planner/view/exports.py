@@ -36,7 +36,7 @@ class File(NamedTuple):
 
     name: str
     data: bytes
-    text: str  # that is said of it
+    text: str  # the verdict on it
 
 
 Making = Callable[[], File]
@@ -51,8 +51,8 @@ class Exports:
         gui = viewer.server.gui
         whole = gui.add_button("Save all", hint="scene, motion, proof and page in one archive, certified as one")
         others = gui.add_button_group("export", ("page", "film", "picture"), hint="of the motions that are shown")
-        whole.on_click(lambda event: self._asked_for(ARCHIVE, event.client))
-        others.on_click(lambda event: self._asked_for(str(event.target.value), event.client))
+        whole.on_click(lambda event: self._download(ARCHIVE, event.client))
+        others.on_click(lambda event: self._download(str(event.target.value), event.client))
         self._ways: dict[str, Callable[[Any], Making]] = {
             ARCHIVE: self.archive,
             "page": self.page,
@@ -98,7 +98,7 @@ class Exports:
             from hdplan.planner.page.recorded_page import page_of
 
             page = page_of(certifier.setup, known, proof=proof)
-            return File(f"{certifier.setup.asked.name}.html", page.html.encode(), known[0].certificate.text)
+            return File(f"{certifier.setup.requested.name}.html", page.html.encode(), known[0].certificate.text)
 
         return make
 
@@ -112,7 +112,7 @@ class Exports:
         def make() -> File:
             known = motions()
             with tempfile.TemporaryDirectory() as folder:
-                file = Path(folder) / f"{certifier.setup.asked.name}{ending}"
+                file = Path(folder) / f"{certifier.setup.requested.name}{ending}"
                 drawn = film(certifier.setup, known, file)
                 return File(file.name, file.read_bytes(), f"a film, drawn {drawn}; {known[0].certificate.text}")
 
@@ -146,16 +146,16 @@ class Exports:
             raise HdplanError(NO_MOTION)
         _, certifier = self._saving.standing_alone()
         others = [shown for shown in viewer.motions.shown if shown.visible and shown is not active]
-        told = [(shown.motion.name, shown.motion.trajectory) for shown in (active, *others)]
+        trajectories = [(shown.motion.name, shown.motion.trajectory) for shown in (active, *others)]
 
         def motions() -> list[ShownMotion]:
-            return [ShownMotion.of(name, each, certifier) for name, each in told]
+            return [ShownMotion.of(name, each, certifier) for name, each in trajectories]
 
         return certifier, motions
 
     # --- the thread -----------------------------------------------------------------------------------------------
 
-    def _asked_for(self, what: str, client: Any) -> None:
+    def _download(self, what: str, client: Any) -> None:
         """Handle a browser's request."""
         if client is not None and what in self._ways:  # a browser may send anything
             self._viewer.worker.ask(f"{what} for {client.client_id}", lambda: self._begin(what, client))

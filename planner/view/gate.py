@@ -90,8 +90,8 @@ class Gate:
                     return connection.respond(http.HTTPStatus.OK, "")
                 if secrets.compare_digest(path.encode(), own.encode()):
                     connection.gate, connection.watches = self, watches
-                    asked = replace(request, path="/", headers=_unpacked(request.headers))  # its client is one file
-                    response = answer(connection, asked)
+                    local = replace(request, path="/", headers=_unpacked(request.headers))  # its client is one file
+                    response = answer(connection, local)
                     if response is not None:
                         response.headers["Referrer-Policy"] = "no-referrer"  # as the address is a secret
                     return response
@@ -221,10 +221,10 @@ def _tells_the_scheme(sent: _Field, gate: Gate) -> bool:
     if not gate.page_field or sent.uuid != gate.page_field or list(sent.updates) != ["value"]:
         return False
     try:
-        told = json.loads(sent.updates["value"])
+        message = json.loads(sent.updates["value"])
     except (TypeError, ValueError, RecursionError):
         return False
-    return isinstance(told, dict) and told.get("do") == "theme"
+    return isinstance(message, dict) and message.get("do") == "theme"
 
 
 class _Kind(msgspec.Struct):

@@ -39,7 +39,7 @@ class Handles:
         self.choice = viewer.server.gui.add_dropdown(
             "selected", (NOTHING, *map(str, things(viewer.edited))), hint="the object with a handle in the scene"
         )
-        self._said = viewer.server.gui.add_html("")
+        self._text = viewer.server.gui.add_html("")
         self._handle: Any = None
         self._handles = 0  # so far
         self.choice.on_update(lambda _: viewer.worker.ask("select", self._chosen))
@@ -189,4 +189,4 @@ class Handles:
             self.drag(pose_of(handle))
 
     def _say(self, text: str) -> None:
-        self._said.content = small(text)
+        self._text.content = small(text)

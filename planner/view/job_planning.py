@@ -27,7 +27,7 @@ class JobPlanning:
         why there is none; both by this thread."""
         self._say, self._done = say, done
         self._newest: Newest[EditedJob] = Newest("hdplan-plan", self._plan)
-        self._elsewhere = False  # whether one is planned by somebody else, and shown here
+        self._elsewhere = False  # whether one is planned by `follow`, and shown here
         self._stopped = threading.Event()
 
     @property
@@ -85,14 +85,14 @@ class JobPlanning:
 
     def _report(self) -> Callable[[Event], None]:
         """Return the receiver of the events of a plan that begins now, which shows its progress."""
-        began = said = time.monotonic()
+        began = reported = time.monotonic()
         iterations = 0
 
         def report(event: Event) -> None:
-            nonlocal said, iterations
+            nonlocal reported, iterations
             iterations += event.step is not None
-            if (now := time.monotonic()) > said + SAY_EVERY:
-                said = now
+            if (now := time.monotonic()) > reported + SAY_EVERY:
+                reported = now
                 self._say(f"planning the job, {now - began:.0f} s, {iterations} iterations …")
 
         return report

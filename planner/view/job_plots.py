@@ -13,7 +13,7 @@ from hdplan.planner.view.drawing.colors import MOTIONS
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.plots import MotionPlots
 from hdplan.planner.view.edited_job import EditedJob
-from hdplan.planner.view.page_script import Page, Told, is_number
+from hdplan.planner.view.page_script import Message, Page, is_number
 from hdplan.planner.view.player import Player
 from hdplan.planner.view.worker import Worker
 
@@ -31,8 +31,8 @@ class JobPlots:
         self._plots: MotionPlots | None = None
         self._edited: EditedJob | None = None
         self._followed = 0.0
-        page.on("zoom", lambda _, told: self._zoom(told))
-        page.on("seek", lambda _, told: self._seek(told))
+        page.on("zoom", lambda _, message: self._zoom(message))
+        page.on("seek", lambda _, message: self._seek(message))
 
     def take(self, edited: EditedJob) -> None:
         """Show the curves of a job's motion, or none. By the worker's thread."""
@@ -67,13 +67,13 @@ class JobPlots:
     def _replot(self) -> None:
         self._worker.ask("plot", lambda: self.take(self._edited) if self._edited is not None else None)
 
-    def _zoom(self, told: Told) -> None:
-        first, last, plots = told.get("from"), told.get("to"), self._plots
+    def _zoom(self, message: Message) -> None:
+        first, last, plots = message.get("from"), message.get("to"), self._plots
         if plots is not None and is_number(first) and is_number(last):
             self._worker.ask("zoom", lambda: plots.zoom(first, last))
 
-    def _seek(self, told: Told) -> None:
-        share = told.get("share")
+    def _seek(self, message: Message) -> None:
+        share = message.get("share")
         if self._plots is not None and is_number(share):
             begin, end = self._plots.view
             self._player.go_to(begin + min(max(share, 0.0), 1.0) * (end - begin))

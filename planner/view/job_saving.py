@@ -29,16 +29,16 @@ class JobSaving:
         """Build them in the container at hand; `edited` is the job as it is now."""
         self._worker, self._edited = worker, edited
         buttons = server.gui.add_button_group("save", ("scene", "motion", "page"), hint="of the job as it is shown")
-        self._said = server.gui.add_html("")
-        self._about: EditedJob | None = None  # of which something is said
-        buttons.on_click(lambda event: self._asked_for(str(event.target.value), event.client))
+        self._text = server.gui.add_html("")
+        self._about: EditedJob | None = None  # the one that the text describes
+        buttons.on_click(lambda event: self._download(str(event.target.value), event.client))
 
     @property
-    def said(self) -> str:
+    def text(self) -> str:
         """The text below the buttons, as HTML."""
-        return str(self._said.content)
+        return str(self._text.content)
 
-    # --- by the worker's thread: name, content, and what is said of it ------------------------------------------------
+    # --- by the worker's thread: name, content and message ---------------------------------------------------------
 
     def file(self, what: str) -> tuple[str, bytes, str]:
         """Return a file of the job as it is now. Raises HdplanError if there is none."""
@@ -58,10 +58,10 @@ class JobSaving:
 
     def outdate(self) -> None:
         """Withdraw the words about another job."""
-        if self._said.content and self._about is not self._edited():
-            self._said.content = ""
+        if self._text.content and self._about is not self._edited():
+            self._text.content = ""
 
-    def _asked_for(self, what: str, client: Any) -> None:
+    def _download(self, what: str, client: Any) -> None:
         """Handle a browser's request."""
         if client is not None and what in ("scene", "motion", "page"):  # a browser may send anything
             self._worker.ask(f"{what} for {client.client_id}", lambda: self._hand_over(what, client))
@@ -71,7 +71,7 @@ class JobSaving:
         try:
             name, data, words = self.file(what)
         except HdplanError as error:
-            self._said.content = small(html.escape(f"not saved: {error}"))
+            self._text.content = small(html.escape(f"not saved: {error}"))
             return
         client.send_file_download(name, data, save_immediately=True)
-        self._said.content = small(html.escape(f"saved: {words}"))
+        self._text.content = small(html.escape(f"saved: {words}"))

@@ -12,7 +12,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import clearance_colors
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.nodes import ClosestNodes, PathNode, RobotNodes
-from hdplan.planner.view.drawing.shading import told_apart
+from hdplan.planner.view.drawing.shading import two_toned
 from hdplan.planner.view.drawing.skins import shown_skins
 from hdplan.planner.view.drawing.standing import Standing
 from hdplan.planner.view.edited_job import EditedJob
@@ -42,7 +42,7 @@ class JobStage:
         if key not in self._robots:
             skins, self.note = shown_skins(robot, edited.scene.robot)
             name = f"robot{len(self._robots)}"
-            self._robots[key] = RobotNodes(self._server, name, robot, told_apart(robot, skins))
+            self._robots[key] = RobotNodes(self._server, name, robot, two_toned(robot, skins))
         self.robot = self._robots[key]
         self.robot.visible = True
         self.standing.take(edited.setup.scene.obstacles)

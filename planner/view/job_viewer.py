@@ -33,7 +33,7 @@ from hdplan.planner.view.job_stage import JobStage
 from hdplan.planner.view.job_words import held_words, job_badge, job_legend, job_words, stage_rows
 from hdplan.planner.view.keys import Key, Keys, keys_to_play
 from hdplan.planner.view.looking import Looking
-from hdplan.planner.view.page_script import Page, Told
+from hdplan.planner.view.page_script import Message, Page
 from hdplan.planner.view.player import Player
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.words import clearance_words, small
@@ -72,7 +72,7 @@ class JobViewer(Served):
         self.stage = JobStage(server)
         self._stage_now: int | None = None
         self._build(scene)
-        self.planning = JobPlanning(self._planning_said, self._planned)
+        self.planning = JobPlanning(self._planning_text, self._planned)
         self.worker.ask("begin", self._begin)
         self.worker.settle()
         self.worker.ask("icons", self.player.add_icon)
@@ -204,13 +204,13 @@ class JobViewer(Served):
         thing = self.handles.thing
         return None if thing is None else self.edited.place_of(thing)
 
-    # --- what browsers ask for: by any thread ---------------------------------------------------------------------
+    # --- requests of browsers: by any thread ------------------------------------------------------------------------
 
     def toggle(self) -> None:
         """Plan, or stop."""
         if self.planning.running:
             self.planning.stop()
-            self.worker.ask("said", self._say)
+            self.worker.ask("message", self._say)
         else:
             self.worker.ask("plan", self.plan)
 
@@ -218,8 +218,8 @@ class JobViewer(Served):
         """Ask for "undo", "redo" or "reset"."""
         self.worker.ask(way, lambda: self._back(way))
 
-    def _go_to_stage(self, _: object, told: Told) -> None:
-        number, shown = told.get("to"), self.edited.shown
+    def _go_to_stage(self, _: object, message: Message) -> None:
+        number, shown = message.get("to"), self.edited.shown
         if shown is not None and type(number) is int and 0 <= number < len(shown.certificate.stages):
             self.player.go_to(shown.certificate.stages[number].begins)
 
@@ -310,8 +310,8 @@ class JobViewer(Served):
         self._rows.content, self._legend.content = stage_rows(self.edited, self._stage_now), job_legend(self.edited)
 
     def _say_next(self, words: str, bad: bool = False) -> None:
-        said, tint = html.escape(words), " hd-bad" if bad else ""
-        self._next.content = f'<div class="hd hd-two{tint}" title="{said}">{said}</div>'
+        text, tint = html.escape(words), " hd-bad" if bad else ""
+        self._next.content = f'<div class="hd hd-two{tint}" title="{text}">{text}</div>'
 
     def _begin(self) -> None:
         self._draw()
@@ -320,19 +320,19 @@ class JobViewer(Served):
 
     # --- what the planner says ------------------------------------------------------------------------------------
 
-    def _planning_said(self, words: str) -> None:
+    def _planning_text(self, words: str) -> None:
         self.worker.ask("progress", lambda: self._say_next(words) if self.planning.running else None)
 
-    def _planned(self, asked: EditedJob, found: EditedJob | None, why: str) -> None:
-        self.worker.ask("planned", lambda: self._finish(asked, found, why))
+    def _planned(self, requested: EditedJob, found: EditedJob | None, why: str) -> None:
+        self.worker.ask("planned", lambda: self._finish(requested, found, why))
 
-    def _finish(self, asked: EditedJob, found: EditedJob | None, why: str) -> None:
+    def _finish(self, requested: EditedJob, found: EditedJob | None, why: str) -> None:
         """Show a motion that was found, if the scene is still the one in which it was planned."""
-        if found is not None and asked.scene is self.edited.scene:
+        if found is not None and requested.scene is self.edited.scene:
             self.change(found)
         else:
             self._say()
-            if found is None and asked.scene is self.edited.scene:
+            if found is None and requested.scene is self.edited.scene:
                 self._say_next(why, bad=True)
 
     def _failed(self, error: Exception) -> None:
@@ -342,7 +342,7 @@ class JobViewer(Served):
             self._say_next(str(error), bad=True)
             return
         self.edited = EditedJob(self.edited.scene)
-        said = FAILED.format(error=f"{type(error).__name__}: {error}")
+        text = FAILED.format(error=f"{type(error).__name__}: {error}")
         self._say()
-        self._say_next(said, bad=True)
-        self._complain(said)
+        self._say_next(text, bad=True)
+        self._complain(text)

@@ -39,7 +39,7 @@ class Jogging:
         self._states = ends.states(robot)
         go = gui.add_button_group("go to", (*self._states, RANDOM), hint="named states; a random free configuration")
         posture = gui.add_button_group("posture", (OTHER, KEEP), hint="other joint values with the hand where it is")
-        self._said = gui.add_html("")
+        self._text = gui.add_html("")
         low = np.where(np.isfinite(robot.lower), robot.lower, -WAY)
         high = np.where(np.isfinite(robot.upper), robot.upper, WAY)
         self.sliders = [
@@ -113,4 +113,4 @@ class Jogging:
             self._editing.edit(JOINTS, partial(self.jogged, str(self.end.value), found))
 
     def _say(self, text: str) -> None:
-        self._said.content = small(text)
+        self._text.content = small(text)

@@ -41,9 +41,9 @@ class Live:
         self._viewer = viewer
         gui = viewer.server.gui
         self.switch = gui.add_checkbox("live", True, hint="during a drag, keep planning from the last motion")
-        self._said = gui.add_html("")
+        self._text = gui.add_html("")
         self._say(IDLE)
-        self._asked_for = False  # whether somebody used the switch
+        self._switched = False  # whether the user set the switch
         self.switch.on_update(lambda event: self.set(bool(self.switch.value)) if event.client else None)
         self._slow = 0  # plans in a row that found nothing in time
         self._shown: deque[float] = deque()  # when certified motions were shown
@@ -56,13 +56,13 @@ class Live:
         return bool(self.switch.value)
 
     @property
-    def said(self) -> str:
+    def text(self) -> str:
         """The text beside the switch, as HTML."""
-        return str(self._said.content)
+        return str(self._text.content)
 
     def set(self, on: bool) -> None:
         """Switch it, as somebody does who wants it so whatever it takes."""
-        self._asked_for, self.switch.value = True, on
+        self._switched, self.switch.value = True, on
 
     def settle(self, timeout: float) -> bool:
         """Wait until nothing is left to plan; False if that takes longer than `timeout` [s]."""
@@ -76,7 +76,7 @@ class Live:
 
     def learn(self, seconds: float) -> None:
         """Switch it off where a plan took so long [s], or on again, unless somebody has chosen."""
-        if not self._asked_for and self.on != (seconds < LIMIT):
+        if not self._switched and self.on != (seconds < LIMIT):
             self.switch.value = seconds < LIMIT
             self._say(IDLE if self.on else f"off, as a plan takes more than {LIMIT:g} s here")
 
@@ -120,8 +120,8 @@ class Live:
 
     def _say(self, text: str) -> None:
         words = f'<div class="hd hd-under">{html.escape(text)}</div>'
-        if self._said.content != words:
-            self._said.content = words
+        if self._text.content != words:
+            self._text.content = words
 
     # --- the thread -----------------------------------------------------------------------------------------------
 

@@ -25,7 +25,7 @@ from hdplan.scenes.poses import Pose
 BEST = "best"
 ASPECT = 1.2  # of the picture, of a browser of which it is not known yet
 SPARSE = 25  # points of a path, at most, that are looked for behind obstacles
-SURROUNDINGS = 3.0  # times its size, of an obstacle that is looked at
+SURROUNDINGS = 3.0  # times its size: what is shown around a framed obstacle
 STEEPEST = 0.499 * np.pi  # [rad] from the horizon: straight down, up would be any direction
 LEAST_EYE_MOTION = 1e-3  # [m] that an eye moves at least
 RESIZED = 0.02  # by which a picture's aspect changes at least
@@ -169,7 +169,7 @@ class Looking:
         eye = np.array(camera.position)
         name, aspect, set_to = self._set.get(client.client_id, (BEST, camera.aspect, eye))
         if abs(camera.aspect - aspect) > RESIZED * aspect and np.abs(eye - set_to).max() < LEAST_EYE_MOTION:
-            self._ask(client, name)  # as it stands where it was set to: frame it anew
+            self._ask(client, name)  # the camera stands where it was set: frame it anew
         if self.eye is None or np.abs(eye - self.eye).max() > LEAST_EYE_MOTION:
             self.eye = eye
             self._worker.ask("fade", self.fade)

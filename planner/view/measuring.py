@@ -34,7 +34,7 @@ class Measuring:
         self._viewer = viewer
         gui, scene = viewer.server.gui, viewer.server.scene
         self.switch = gui.add_checkbox("measure", False, hint="the distance of two points that are clicked on")
-        self._said = gui.add_html("")
+        self._text = gui.add_html("")
         self._root = scene.add_frame("/measure", show_axes=False, visible=False)
         self._balls = [
             scene.add_icosphere(f"/measure/{name}", POINT, color=INK, visible=False) for name in ("one", "two")
@@ -52,9 +52,9 @@ class Measuring:
         return bool(self.switch.value)
 
     @property
-    def said(self) -> str:
+    def text(self) -> str:
         """The text below the switch, as HTML."""
-        return str(self._said.content)
+        return str(self._text.content)
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
@@ -69,7 +69,7 @@ class Measuring:
             return
         found = first_hit(origin, direction, self._surfaces())
         if found is None:
-            self._said.content = small(NOTHING_THERE)
+            self._text.content = small(NOTHING_THERE)
             return
         self.points = [*self.points, found] if len(self.points) == 1 else [found]
         if len(self.points) == 1:
@@ -91,7 +91,7 @@ class Measuring:
                 self._line.points = np.array([self.points], dtype=np.float32)
                 self._label.text = words.partition(" apart")[0]
                 self._label.position = 0.5 * (self.points[0] + self.points[1])
-            self._said.content = small(words)
+            self._text.content = small(words)
 
     def _surfaces(self) -> Iterator[Surface]:
         """Return what is drawn and seen: the robot and its ghosts, and the obstacles."""

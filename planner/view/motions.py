@@ -28,7 +28,7 @@ class Shown:
     number: int  # its own in this viewer
     color: Color
     origin: Scene  # in which it came
-    result: PlanResult | None = None  # the plan that it comes from
+    result: PlanResult | None = None  # its plan
     visible: bool = True
     doubted: bool = False  # whether nothing is known of it, as what measured or drew it failed
     misfit: str = ""  # why nothing can be proven of it in the scene as it was last checked

@@ -20,8 +20,8 @@ from hdplan.planner.view.gate import ALIVE, WATCH, Gate
 from hdplan.scenes.files import MOST_BYTES
 from hdplan.scenes.poses import Vector3
 
-Told = Mapping[str, Any]
-Handler = Callable[[viser.ClientHandle, Told], object]
+Message = Mapping[str, Any]
+Handler = Callable[[viser.ClientHandle, Message], object]
 
 WIDTH, NARROWEST = 360, 250  # [px] of the panel
 DRAGGED = 8  # [px] by which the mouse moves at least in a plot to zoom
@@ -106,11 +106,11 @@ div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-b
 SCRIPT = (
     """
 if (!window.hdplan) {
-  const tell = (told) => {
+  const tell = (message) => {
     const field = document.querySelector('div:has(> .hdplan-page) + div input');
     if (!field) return;
     const set = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set;
-    set.call(field, JSON.stringify({...told, at: performance.now()}));
+    set.call(field, JSON.stringify({...message, at: performance.now()}));
     field.dispatchEvent(new Event('input', {bubbles: true}));
   };
   document.addEventListener('change', (event) => {
@@ -141,8 +141,8 @@ if (!window.hdplan) {
     tell({do: 'exponent'});
   }, true);
   const show = (alive) => document.documentElement.classList.toggle('hdplan-ended', !alive);
-  const asked = location.pathname.replace(/\\/?$/, '/ALIVE');
-  setInterval(() => fetch(asked).then((answer) => show(answer.ok), () => show(false)), 3000);
+  const address = location.pathname.replace(/\\/?$/, '/ALIVE');
+  setInterval(() => fetch(address).then((answer) => show(answer.ok), () => show(false)), 3000);
   const typing = (event) => event.target.closest?.('input, textarea, [contenteditable]');
   document.addEventListener('copy', (event) => {  // of what is selected in the scene, where no words are
     const text = document.querySelector('.hdplan-copied')?.dataset.yaml;
@@ -187,13 +187,13 @@ if (!window.hdplan) {
     const link = event.target.closest('[data-do]');
     if (link) {
       if (link.tagName !== 'SUMMARY') event.preventDefault();  // of the line that it is in: no details
-      const told = {more: event.shiftKey || event.ctrlKey || event.metaKey, ...JSON.parse(link.dataset.do)};
-      if (told.ask !== undefined) {
-        const answer = prompt(told.ask, told.answer);
+      const message = {more: event.shiftKey || event.ctrlKey || event.metaKey, ...JSON.parse(link.dataset.do)};
+      if (message.ask !== undefined) {
+        const answer = prompt(message.ask, message.answer);
         if (answer === null) return;
-        told.answer = answer;
+        message.answer = answer;
       }
-      tell(told);
+      tell(message);
     }
   });
   const line = (details) => details.querySelector('summary')?.dataset.do;
@@ -263,37 +263,37 @@ class Page:
     async def _heard(self, event: Any) -> None:
         """Pass on what a browser sends: at once, before the next is sent in the same field."""
         try:
-            told = json.loads(str(self._field.value))
+            message = json.loads(str(self._field.value))
         except (ValueError, RecursionError):  # of a list in a list in a list …
             return
-        handler = self._handlers.get(str(told.get("do"))) if isinstance(told, dict) else None
+        handler = self._handlers.get(str(message.get("do"))) if isinstance(message, dict) else None
         if event.client is not None and handler is not None:
-            handler(event.client, told)
+            handler(event.client, message)
 
-    def _theme(self, client: viser.ClientHandle, told: Told) -> None:
+    def _theme(self, client: viser.ClientHandle, message: Message) -> None:
         """Show one browser the page in its own colour scheme, with a panel that leaves room for the scene."""
-        dark = told.get("dark") is True
+        dark = message.get("dark") is True
         client.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False)
         draw_ground(client.scene, self._ground, dark=dark)
-        window = told.get("width")
+        window = message.get("width")
         if isinstance(window, int | float) and math.isfinite(window):
             width = min(max(SHARE * window, NARROWEST), WIDTH)
-            if self._widths.get(client.client_id, WIDTH) != width:  # what somebody has pulled stays otherwise
+            if self._widths.get(client.client_id, WIDTH) != width:  # else a width set by the user stays
                 client.gui.main_panel.set_width(width)
                 self._widths[client.client_id] = width
 
 
-def is_number(told: object) -> TypeGuard[float]:
+def is_number(message: object) -> TypeGuard[float]:
     """True if a page sent a number that may be used."""
-    return isinstance(told, int | float) and math.isfinite(told)
+    return isinstance(message, int | float) and math.isfinite(message)
 
 
-def link(text: str, what: str, title: str = "", **told: object) -> str:
+def link(text: str, what: str, title: str = "", **message: object) -> str:
     """Return HTML, of `text` that is HTML, that tells the server `what` when it is clicked."""
     named = f'role="button" tabindex="0" title="{html.escape(title)}"'
-    return f'<span class="hd-link" {named} data-do="{telling(what, **told)}">{text}</span>'
+    return f'<span class="hd-link" {named} data-do="{telling(what, **message)}">{text}</span>'
 
 
-def telling(what: str, **told: object) -> str:
+def telling(what: str, **message: object) -> str:
     """Return the attribute `data-do` of an element that tells the server `what` when it is clicked."""
-    return html.escape(json.dumps({"do": what, **told}))
+    return html.escape(json.dumps({"do": what, **message}))

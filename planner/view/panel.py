@@ -90,12 +90,14 @@ class Panel:
             gui.add_html(small(html.escape(note)))
         self.keys = Keys(viewer.server, keys_of(viewer))
         self._followed = 0.0
-        self.page.on("zoom", lambda _, told: self._zoom(told.get("from"), told.get("to")))
-        self.page.on("paste", lambda _, told: self.editing.do(lambda: self.obstacles.paste(str(told.get("text")))))
-        self.page.on("seek", lambda _, told: self._seek(told.get("share")))
+        self.page.on("zoom", lambda _, message: self._zoom(message.get("from"), message.get("to")))
+        self.page.on(
+            "paste", lambda _, message: self.editing.do(lambda: self.obstacles.paste(str(message.get("text"))))
+        )
+        self.page.on("seek", lambda _, message: self._seek(message.get("share")))
         self.page.on("enter", lambda *_: self.editing.enter())
         self.page.on("exponent", lambda *_: self.editing.refuse(EXPONENT))
-        self.page.on("too large", lambda _, told: self._refuse(told.get("name"), told.get("size")))
+        self.page.on("too large", lambda _, message: self._refuse(message.get("name"), message.get("size")))
 
     @property
     def verdict(self) -> str:
@@ -150,7 +152,7 @@ class Panel:
         if active is None:
             self._plots.clear()
             return
-        required, _ = viewer.certifier.asked(active.motion.curve)
+        required, _ = viewer.certifier.required(active.motion.curve)
         seen = [(shown.motion, shown.color) for shown in viewer.motions.shown if shown.visible or shown is active]
         self._plots.set(active.motion, seen, required, self._rates, timeline, self.player.time)
 
@@ -218,9 +220,9 @@ class Panel:
 
     def say_next(self, words: str, bad: bool = False) -> None:
         """Say what is to be done or known now, in the two lines that are reserved for it."""
-        said = html.escape(words)
+        text = html.escape(words)
         tint = " hd-bad" if bad else ""
-        content = f'<div class="hd hd-two{tint}" title="{said}">{said}</div>'
+        content = f'<div class="hd hd-two{tint}" title="{text}">{text}</div>'
         if self._next.content != content:
             self._next.content = content
 

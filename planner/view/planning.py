@@ -65,7 +65,7 @@ class Planning:
         self.watch = gui.add_checkbox(
             "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
         )
-        self._said = gui.add_html("")
+        self._text = gui.add_html("")
         self.iteration = gui.add_slider("iteration", 0, 1, 1, 0, disabled=True, hint="look back at the optimizer")
         self.iteration.on_update(lambda event: viewer.worker.ask("iterate", self._look_back) if event.client else None)
 
@@ -75,9 +75,9 @@ class Planning:
         return self._follows or (self._thread is not None and self._thread.is_alive())
 
     @property
-    def said(self) -> str:
+    def text(self) -> str:
         """The text below the button, as HTML."""
-        return str(self._said.content)
+        return str(self._text.content)
 
     def toggle(self) -> None:
         """Start, or stop."""
@@ -122,7 +122,7 @@ class Planning:
 
     def _run(self, scene: Scene) -> None:
         settings = self._viewer.panel.settings
-        with contextlib.suppress(Exception):  # it is said: the viewer continues
+        with contextlib.suppress(Exception):  # it is reported: the viewer continues
             self._shown(
                 scene,
                 lambda report, stop: plan(
@@ -238,7 +238,7 @@ class Planning:
         return motions.free_name(NAME)
 
     def _say(self, text: str) -> None:
-        self._said.content = small(html.escape(text))
+        self._text.content = small(html.escape(text))
 
 
 def row_times(scene: Scene, count: int) -> Array | None:

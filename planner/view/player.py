@@ -62,7 +62,7 @@ class Player:
             return
         self.timeline, slider = timeline, self.slider
         slider.label, slider.hint = ("time [s]", TIME_HINT) if timeline.timed else ("path", PATH_HINT)
-        end = round(math.ceil(round(timeline.end / STEP, 3)) * STEP, 3)  # in digits that there is room for
+        end = round(math.ceil(round(timeline.end / STEP, 3)) * STEP, 3)  # in the digits that fit
         slider.min, slider.max = min(slider.min, timeline.begin), max(slider.max, end)  # both values fit
         slider.value = timeline.begin
         slider.min, slider.max = timeline.begin, end

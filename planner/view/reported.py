@@ -12,7 +12,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, listed
 
-STALE = 1.0  # [s] after which a report is said to be old
+STALE = 1.0  # [s] after which a report counts as old
 
 
 class Report(NamedTuple):

@@ -15,7 +15,7 @@ import viser
 
 from hdplan.planner.view.drawing.colors import hex_of
 from hdplan.planner.view.motions import Shown
-from hdplan.planner.view.page_script import Page, Told, link, telling
+from hdplan.planner.view.page_script import Message, Page, link, telling
 from hdplan.planner.view.words import OUTDATED, figures
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Rows:
             ("remove", self._remove),
             ("closest", self._closest),
         ):
-            page.on(what, self._asked(do))
+            page.on(what, self._handler(do))
 
     @property
     def content(self) -> str:
@@ -54,15 +54,15 @@ class Rows:
         document, motion, number = self._viewer.document, shown.motion, shown.number
         holds, certificate, name = document.holds(shown), motion.certificate, html.escape(motion.name)
         tint = ("hd-good" if certificate.certified else "hd-bad") if holds else ""
-        said = (
+        text = (
             figures(certificate, motion.trajectory)
             if holds
             else html.escape(shown.misfit) or "not checked in this scene yet"
         )
         if holds and not certificate.certified and shown.origin is not self._viewer.scene:
-            said = f"of an older scene: {said}"
+            text = f"of an older scene: {text}"
         if holds:  # beside the colour, which not everybody sees
-            said = f"{'✓' if certificate.certified else '✕'} {said}"
+            text = f"{'✓' if certificate.certified else '✕'} {text}"
         links = (
             link("●" if shown.visible else "○", "hide", "hide or show", motion=number)
             + link("✎", "rename", "rename", motion=number, ask="name of this motion", answer=motion.name)
@@ -78,36 +78,38 @@ class Rows:
         return (
             f'<details><summary class="hd-row{chosen}" data-do="{choose}">'
             f'<span style="color:{hex_of(shown.color)}">▬</span><b class="hd-line" style="max-width:8em">{name}</b>'
-            f'<span class="hd-line {tint}" style="flex:1">{html.escape(said)}</span>{links}</summary>'
+            f'<span class="hd-line {tint}" style="flex:1">{html.escape(text)}</span>{links}</summary>'
             f'<div style="padding:0.2em 0.3em 0.5em 1.6em">{details}</div></details>'
         )
 
     # --- what browsers ask for ------------------------------------------------------------------------------------
 
-    def _asked(self, do: Callable[[Shown, Told], None]) -> Callable[[viser.ClientHandle, Told], object]:
+    def _handler(self, do: Callable[[Shown, Message], None]) -> Callable[[viser.ClientHandle, Message], object]:
         """Let the worker do something with the motion that is named, if there is one."""
 
-        def job(told: Told) -> None:
-            number: Any = told.get("motion")
+        def job(message: Message) -> None:
+            number: Any = message.get("motion")
             for shown in self._viewer.motions.shown:
                 if shown.number == number:
-                    return do(shown, told)
+                    return do(shown, message)
 
-        return lambda _, told: self._viewer.worker.ask(f"{told['do']} {told.get('motion')}", lambda: job(told))
+        return lambda _, message: self._viewer.worker.ask(
+            f"{message['do']} {message.get('motion')}", lambda: job(message)
+        )
 
-    def _choose(self, shown: Shown, told: Told) -> None:
+    def _choose(self, shown: Shown, message: Message) -> None:
         self._viewer.document.choose(shown.motion.name)
 
-    def _hide(self, shown: Shown, told: Told) -> None:
+    def _hide(self, shown: Shown, message: Message) -> None:
         self._viewer.document.hide(shown)
 
-    def _rename(self, shown: Shown, told: Told) -> None:
-        self._viewer.document.rename(shown, str(told.get("answer", "")))
+    def _rename(self, shown: Shown, message: Message) -> None:
+        self._viewer.document.rename(shown, str(message.get("answer", "")))
 
-    def _remove(self, shown: Shown, told: Told) -> None:
+    def _remove(self, shown: Shown, message: Message) -> None:
         self._viewer.document.remove(shown)
 
-    def _closest(self, shown: Shown, told: Told) -> None:
+    def _closest(self, shown: Shown, message: Message) -> None:
         motion, player = shown.motion, self._viewer.panel.player
         if motion.measured:
             self._viewer.document.choose(motion.name)

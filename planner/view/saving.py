@@ -36,10 +36,10 @@ class Saving:
         gui = viewer.server.gui
         scene = gui.add_button("Save scene")
         motion = gui.add_button("Save motion")
-        self._said = gui.add_html("")
-        self._about: tuple[object, object] = None, None  # the scene and the motion of which something is said
-        scene.on_click(lambda event: self._asked_for(event, f"{viewer.scene.name}.yaml", self.scene_file))
-        motion.on_click(lambda event: self._asked_for(event, "motion.json", self.motion_file))
+        self._text = gui.add_html("")
+        self._about: tuple[object, object] = None, None  # the scene and the motion that the text describes
+        scene.on_click(lambda event: self._download(event, f"{viewer.scene.name}.yaml", self.scene_file))
+        motion.on_click(lambda event: self._download(event, "motion.json", self.motion_file))
 
     def scene_file(self) -> bytes:
         """The scene as it is shown, as a file that any command takes. Raises InputError if none would."""
@@ -93,8 +93,8 @@ class Saving:
 
     def outdate(self) -> None:
         """Withdraw the words about a file, as scene or motion are others by now."""
-        if self._said.content and any(one is not two for one, two in zip(self._about, self.now(), strict=True)):
-            self._said.content = ""
+        if self._text.content and any(one is not two for one, two in zip(self._about, self.now(), strict=True)):
+            self._text.content = ""
 
     def now(self) -> tuple[object, object]:
         """Return the scene and the active motion that the words may describe."""
@@ -104,9 +104,9 @@ class Saving:
     def say(self, text: str) -> None:
         """Say something of the scene and the active motion as they are now."""
         self._about = self.now()
-        self._said.content = small(html.escape(text))
+        self._text.content = small(html.escape(text))
 
-    def _asked_for(self, event: Any, name: str, content: Callable[[], bytes]) -> None:
+    def _download(self, event: Any, name: str, content: Callable[[], bytes]) -> None:
         """Handle a browser's request for a file: the worker makes it, so that nothing moves meanwhile."""
         self._viewer.worker.ask(f"{name} for {event.client_id}", lambda: self._hand_over(event, name, content))
 

@@ -18,7 +18,7 @@ import viser
 
 from hdplan.planner.view import groups, scene_edits
 from hdplan.planner.view.edit_steps import Editing
-from hdplan.planner.view.page_script import Page, Told, link, telling
+from hdplan.planner.view.page_script import Message, Page, link, telling
 from hdplan.planner.view.things import Thing, things
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
@@ -42,7 +42,7 @@ class Tree:
             ("lock", self._turn(viewer.document.locked)),
             ("delete", self._delete),
         ):
-            page.on(f"{what} thing", self._asked(do))
+            page.on(f"{what} thing", self._handler(do))
         for what, do_all in (
             ("select", self._select_group),
             ("fold", self._fold),
@@ -51,7 +51,7 @@ class Tree:
             ("lock", self._turn_group(viewer.document.locked)),
             ("delete", self._delete_group),
         ):
-            page.on(f"{what} group", self._group_asked(do_all))
+            page.on(f"{what} group", self._group_handler(do_all))
 
     @property
     def content(self) -> str:
@@ -137,46 +137,48 @@ class Tree:
 
     # --- what browsers ask for ------------------------------------------------------------------------------------
 
-    def _asked(self, do: Callable[[Thing, Told], object]) -> Callable[[viser.ClientHandle, Told], object]:
+    def _handler(self, do: Callable[[Thing, Message], object]) -> Callable[[viser.ClientHandle, Message], object]:
         """Ask for something with the thing that is named, if it is there."""
 
-        def job(told: Told) -> None:
-            thing = Thing(str(told.get("kind")), str(told.get("name", "")))
+        def job(message: Message) -> None:
+            thing = Thing(str(message.get("kind")), str(message.get("name", "")))
             if thing in things(self._viewer.edited):
-                do(thing, told)
+                do(thing, message)
                 self.update()
 
-        return lambda _, told: self._editing.do(lambda: job(told))
+        return lambda _, message: self._editing.do(lambda: job(message))
 
-    def _group_asked(self, do: Callable[[Sequence[str], Told], object]) -> Callable[[viser.ClientHandle, Told], object]:
+    def _group_handler(
+        self, do: Callable[[Sequence[str], Message], object]
+    ) -> Callable[[viser.ClientHandle, Message], object]:
         """Ask for something with the obstacles of the group that is named, if there are any."""
 
-        def job(told: Told) -> None:
-            names = groups.members(self._viewer.edited, str(told.get("name", "")))
+        def job(message: Message) -> None:
+            names = groups.members(self._viewer.edited, str(message.get("name", "")))
             if names:
-                do(names, told)
+                do(names, message)
                 self.update()
 
-        return lambda _, told: self._editing.do(lambda: job(told))
+        return lambda _, message: self._editing.do(lambda: job(message))
 
-    def _select(self, thing: Thing, told: Told) -> None:
+    def _select(self, thing: Thing, message: Message) -> None:
         handles = self._viewer.panel.handles
-        if told.get("more") is True:
+        if message.get("more") is True:
             handles.select_also(thing)
         else:
             handles.select(thing)
 
-    def _select_group(self, names: Sequence[str], told: Told) -> None:
+    def _select_group(self, names: Sequence[str], message: Message) -> None:
         *others, last = (Thing("obstacle", name) for name in names)
-        more = told.get("more") is True
+        more = message.get("more") is True
         before = [Thing("obstacle", name) for name in self._viewer.panel.handles.obstacles if name not in names]
         self._viewer.panel.handles.select(last, [*(before if more else ()), *others])
 
-    def _turn(self, names: set[str]) -> Callable[[Thing, Told], None]:
+    def _turn(self, names: set[str]) -> Callable[[Thing, Message], None]:
         return lambda thing, _: names.symmetric_difference_update({thing.name} if thing.kind == "obstacle" else ())
 
-    def _turn_group(self, names: set[str]) -> Callable[[Sequence[str], Told], None]:
-        def turn(every: Sequence[str], told: Told) -> None:
+    def _turn_group(self, names: set[str]) -> Callable[[Sequence[str], Message], None]:
+        def turn(every: Sequence[str], message: Message) -> None:
             if names.issuperset(every):
                 names.difference_update(every)
             else:
@@ -184,19 +186,19 @@ class Tree:
 
         return turn
 
-    def _fold(self, names: Sequence[str], told: Told) -> None:
-        self._folded.symmetric_difference_update({str(told.get("name"))})
+    def _fold(self, names: Sequence[str], message: Message) -> None:
+        self._folded.symmetric_difference_update({str(message.get("name"))})
 
-    def _rename_group(self, names: Sequence[str], told: Told) -> None:
+    def _rename_group(self, names: Sequence[str], message: Message) -> None:
         """Call a group otherwise; without a name there is none any more."""
-        edited, _ = groups.grouped(self._viewer.edited, names, str(told.get("answer", "")))
+        edited, _ = groups.grouped(self._viewer.edited, names, str(message.get("answer", "")))
         self._editing.apply("group", lambda _: edited)
 
-    def _delete(self, thing: Thing, told: Told) -> None:
+    def _delete(self, thing: Thing, message: Message) -> None:
         if thing.kind == "obstacle":
             self._editing.apply("delete", lambda edited: scene_edits.deleted(edited, thing.name))
 
-    def _delete_group(self, names: Sequence[str], told: Told) -> None:
+    def _delete_group(self, names: Sequence[str], message: Message) -> None:
         self._editing.apply("delete", lambda edited: scene_edits.deleted(edited, *names))
 
 

@@ -58,12 +58,12 @@ class Uploads:
 def _checked(name: str, content: bytes, endings: Collection[str]) -> str:
     """Return the name under which a file is written."""
     bare = _short(_UNSAFE.sub("_", Path(name.replace("\\", "/")).name))
-    said = shortened(name, LONGEST_NAME)
+    shown = shortened(name, LONGEST_NAME)
     if not bare.lower().endswith(tuple(endings)):
-        raise InputError(f"{said}: a file that ends with one of {', '.join(endings)} is needed")
+        raise InputError(f"{shown}: a file that ends with one of {', '.join(endings)} is needed")
     if not content:
-        raise InputError(f"{said}: is empty")
-    check_size(said, len(content))
+        raise InputError(f"{shown}: is empty")
+    check_size(shown, len(content))
     return bare
 
 

@@ -20,7 +20,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.document import Document
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.planner.view.drawing.shading import told_apart
+from hdplan.planner.view.drawing.shading import two_toned
 from hdplan.planner.view.drawing.skins import collision_skins, shown_skins
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited_scene import Edited
@@ -86,7 +86,7 @@ class Viewer(Served):
 
         server = self.server
         skins, note = shown_skins(self.robot, self.scene.robot)
-        skins = told_apart(self.robot, skins)
+        skins = two_toned(self.robot, skins)
         self.worker, self.uploads = Worker(self._failed), Uploads()
         self.reported = Reported(self.robot)
         self.stage = Stage(server, self.edited, skins)

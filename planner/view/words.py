@@ -106,7 +106,7 @@ def whats_next(
     found = SHORT[certificate.status]
     if stopped:
         return f"stopped: the best motion so far is {found}"
-    if result is not None and not result.certified and result.asked is edited.scene:
+    if result is not None and not result.certified and result.requested is edited.scene:
         return f"no free motion found yet, the best one is {found}: press Plan again, or give it more room"
     if certificate.failures:
         worst = min(certificate.failures, key=lambda place: place.distance)

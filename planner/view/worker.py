@@ -69,7 +69,7 @@ class Worker:
             try:
                 job()
             except Exception as error:  # one bad request must not end the viewer
-                with contextlib.suppress(Exception):  # nor what is said of it
+                with contextlib.suppress(Exception):  # nor does its message
                     self._complain(error)
             finally:
                 with self._changed:

@@ -67,11 +67,11 @@ def read_allowed(
         section.note(
             f"names pairs to check that robot.ignore_pairs leaves out; these are not checked: {', '.join(unheard)}"
         )
-    asked = sorted(pair for pair in left_out - ignored if _says(*pair, allowed, defaults) is False)
-    if asked and another:
-        pairs = ", ".join(f"{a}-{b}" for a, b in asked)
+    required = sorted(pair for pair in left_out - ignored if _says(*pair, allowed, defaults) is False)
+    if required and another:
+        pairs = ", ".join(f"{a}-{b}" for a, b in required)
         section.note(f"is another robot's; pairs that it checks and this robot's description does not: {pairs}")
-    return () if another else tuple(asked)
+    return () if another else tuple(required)
 
 
 def _entries(section: Field, keys: Mapping[str, Field]) -> dict[LinkPair, bool]:

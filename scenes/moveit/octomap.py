@@ -20,20 +20,20 @@ def read_octomap(section: Field, frames: Frames) -> Obstacle | None:
     """Return the map as an obstacle, what it does not know being free; None if it holds nothing. Raises InputError for
     another kind of tree, and for data that are no bytes."""
     placed = section.mapping(MESSAGES["OctomapWithPose"])
-    said = placed["octomap"].mapping(MESSAGES["Octomap"]) if "octomap" in placed else {}
-    data = _bytes(said["data"]) if "data" in said else b""
+    message = placed["octomap"].mapping(MESSAGES["Octomap"]) if "octomap" in placed else {}
+    data = _bytes(message["data"]) if "data" in message else b""
     if not data:
         return None
-    if "id" not in said or said["id"].value != "OcTree":
-        raise said.get("id", section).error("must be OcTree, the kind of octomap that is read")
-    if "resolution" not in said:
+    if "id" not in message or message["id"].value != "OcTree":
+        raise message.get("id", section).error("must be OcTree, the kind of octomap that is read")
+    if "resolution" not in message:
         raise section.error("the key 'octomap.resolution' is missing")
-    resolution = said["resolution"].number(above=0.0, unit="m")
-    binary = said["binary"].boolean() if "binary" in said else False
+    resolution = message["resolution"].number(above=0.0, unit="m")
+    binary = message["binary"].boolean() if "binary" in message else False
     content = HEADS[binary] + f"\nid OcTree\nsize 0\nres {resolution!r}\ndata\n".encode() + data
     frame = frames.of_header(placed.get("header"))
-    own = said["header"].mapping(MESSAGES["Header"]).get("frame_id") if "header" in said else None
-    if own is not None and own.value and frames.of_header(said["header"]) != frame:
+    own = message["header"].mapping(MESSAGES["Header"]).get("frame_id") if "header" in message else None
+    if own is not None and own.value and frames.of_header(message["header"]) != frame:
         raise own.error("is another frame than that of world.octomap.header, in which MoveIt places the map")
     return Obstacle(NAME, OctoMap(content), compose(frame, read_message_pose(placed.get("origin"))))
 

@@ -23,15 +23,15 @@ def read_padding(keys: Mapping[str, Field], tree: Tree) -> float:
             collision geometry, as all of them keep one clearance here.
     """
     for entry in keys["link_scale"].items() if "link_scale" in keys else ():
-        said = entry.mapping(MESSAGES["LinkScale"], ["link_name", "scale"])
-        if said["scale"].number() != 1.0:
-            raise said["scale"].wrong("1, as scaled links are not supported")
+        message = entry.mapping(MESSAGES["LinkScale"], ["link_name", "scale"])
+        if message["scale"].number() != 1.0:
+            raise message["scale"].wrong("1, as scaled links are not supported")
     paddings: dict[str, float] = {}
     for entry in keys["link_padding"].items() if "link_padding" in keys else ():
-        said = entry.mapping(MESSAGES["LinkPadding"], ["link_name", "padding"])
-        link, padding = said["link_name"].text(), said["padding"].number(low=0.0, high=1.0, unit="m")
+        message = entry.mapping(MESSAGES["LinkPadding"], ["link_name", "padding"])
+        link, padding = message["link_name"].text(), message["padding"].number(low=0.0, high=1.0, unit="m")
         if padding and link not in tree.links:
-            raise said["link_name"].error(f"unknown link {link!r}{nearest(link, tree.links)}")
+            raise message["link_name"].error(f"unknown link {link!r}{nearest(link, tree.links)}")
         if paddings.get(link, padding) != padding:
             raise entry.error(f"{link!r} has another padding already")
         paddings[link] = padding

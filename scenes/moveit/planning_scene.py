@@ -114,22 +114,22 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     )
 
 
-def _of_group(robot: RobotSpec, asked: Field, semantics: Semantics, names: Collection[str]) -> RobotSpec:
+def _of_group(robot: RobotSpec, group_name: Field, semantics: Semantics, names: Collection[str]) -> RobotSpec:
     """Return the robot planned for the group that the request names; unchanged, with a note, if it names none or no
     SRDF says which joints it has."""
-    if asked.value == "":
+    if group_name.value == "":
         return robot
-    group, own = asked.text(), robot.group
+    group, own = group_name.text(), robot.group
     if not semantics.groups:
         if own is None:
-            asked.note(f"is {group!r}, whose joints no SRDF lists: all joints that can be planned are planned")
+            group_name.note(f"is {group!r}, whose joints no SRDF lists: all joints that can be planned are planned")
         return robot
     with naming(f"{robot.source}: robot.group"):
         own = semantics.group(own, names) if isinstance(own, str) else own
-    with naming(f"{asked.document.file}: {asked.key}"):
+    with naming(f"{group_name.document.file}: {group_name.key}"):
         group = semantics.group(group, names)
     if own not in (None, group):
-        raise asked.error(f"is {group!r}, but the robot's own section says {own!r} (robot.group)")
+        raise group_name.error(f"is {group!r}, but the robot's own section says {own!r} (robot.group)")
     return dataclasses.replace(robot, group=group)
 
 
@@ -153,9 +153,9 @@ def _world(section: Field, frames: Frames) -> dict[str, Obstacle]:
     keys = section.mapping(MESSAGES["PlanningSceneWorld"])
     obstacles: dict[str, Obstacle] = {}
     for i, entry in enumerate(keys["collision_objects"].items() if "collision_objects" in keys else ()):
-        said = entry.mapping(MESSAGES["CollisionObject"])
-        place = frames.beside(obstacles).of_header(said.get("header"))
-        for obstacle in _collision_object(entry, said, place, default_name=f"obstacle{i}"):
+        message = entry.mapping(MESSAGES["CollisionObject"])
+        place = frames.beside(obstacles).of_header(message.get("header"))
+        for obstacle in _collision_object(entry, message, place, default_name=f"obstacle{i}"):
             if obstacle.name in obstacles or obstacle.name in frames.objects:
                 raise entry.error(f"the name {obstacle.name!r} is taken by an earlier object; names must differ")
             obstacles[obstacle.name] = obstacle
@@ -209,16 +209,16 @@ def _attached(state: Field | None) -> dict[str, list[Attached]]:
     taken = set[str]()
     entries = keys["attached_collision_objects"].items() if "attached_collision_objects" in keys else []
     for entry in entries:
-        said = entry.mapping(MESSAGES["AttachedCollisionObject"], required=["link_name", "object"])
-        link = said["link_name"].text()
-        touching = said["touch_links"].texts() if "touch_links" in said else ()
-        body = said["object"].mapping(MESSAGES["CollisionObject"])
+        message = entry.mapping(MESSAGES["AttachedCollisionObject"], required=["link_name", "object"])
+        link = message["link_name"].text()
+        touching = message["touch_links"].texts() if "touch_links" in message else ()
+        body = message["object"].mapping(MESSAGES["CollisionObject"])
         header = body["header"].mapping(MESSAGES["Header"]) if "header" in body else {}
         frame = header["frame_id"].value if "frame_id" in header else ""
         if frame != link:
-            where = header.get("frame_id", said["object"])
+            where = header.get("frame_id", message["object"])
             raise where.error(f"must be given in the frame of its link '{link}' (frame_id), found {frame!r}")
-        parts = _collision_object(said["object"], body, Pose(), entry.key)
+        parts = _collision_object(message["object"], body, Pose(), entry.key)
         if again := [part.name for part in parts if part.name in taken]:
             raise entry.error(f"the name {again[0]!r} is taken by an earlier object; names must differ")
         taken |= {part.name for part in parts}

@@ -120,16 +120,16 @@ class Semantics:
     passive: frozenset[str] = frozenset()  # joints that nothing drives
     notes: tuple[str, ...] = ()  # what was ignored
 
-    def group(self, asked: str, robot: Collection[str]) -> str:
+    def group(self, requested: str, robot: Collection[str]) -> str:
         """Return the name of a group, requested by that name or with the robot's name before it (`panda_arm`: arm).
 
         Raises InputError with the nearest name.
         """
-        names = (asked, *(asked.removeprefix(f"{name}_") for name in robot))
+        names = (requested, *(requested.removeprefix(f"{name}_") for name in robot))
         for name in names:
             if name in self.groups:
                 return name
-        raise InputError(f"unknown group '{asked}'{nearest(min(names, key=len), self.groups)}")
+        raise InputError(f"unknown group '{requested}'{nearest(min(names, key=len), self.groups)}")
 
     def named_states(self, group: str | None) -> dict[str, dict[str, float]]:
         """Return the values (joint -> value) of every named state, looked up in one group first: of a joint that the
@@ -267,8 +267,8 @@ def _states(root: ElementTree.Element, tree: Tree) -> dict[str, dict[str, dict[s
         for joint in state.findall("joint"):
             value = (joint.get("value") or "").split()
             if len(value) != 1 and joint.get("name") in moving:
-                said = f"{len(value)} values" if value else "no value"
-                raise InputError(f"state '{name}', joint '{joint.get('name')}': one number is needed, found {said}")
+                found = f"{len(value)} values" if value else "no value"
+                raise InputError(f"state '{name}', joint '{joint.get('name')}': one number is needed, found {found}")
             if len(value) != 1:
                 continue  # a joint of the SRDF alone, of several coordinates (a floating base), is not planned here
             try:

@@ -25,8 +25,8 @@ def inertial_of(inertial: Element, frame: Pose, settings: Settings, where: str) 
     own, where = inertial.attrib, f"{where}: inertial"
     result = Element("inertial")
     if "fullinertia" in own:
-        if said := [key for key in ("diaginertia", *TURNS) if key in own]:
-            raise InputError(f"{where}: fullinertia and {said[0]} are both given: leave one out")
+        if given := [key for key in ("diaginertia", *TURNS) if key in own]:
+            raise InputError(f"{where}: fullinertia and {given[0]} are both given: leave one out")
         xx, yy, zz, xy, xz, yz = numbers(own, "fullinertia", where, "", 6)
     else:
         (xx, yy, zz), (xy, xz, yz) = numbers(own, "diaginertia", where, "", 3), (0.0, 0.0, 0.0)

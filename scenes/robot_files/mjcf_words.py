@@ -136,8 +136,8 @@ def check_mjcf_words(root: Element) -> None:
             continue
         check_attributes(element, tag)
         if root.tag == "default" and tag != "default":
-            if said := [key for key in ("name", "class") if key in element.attrib]:
-                raise InputError(f"default: {called(element)}: {said[0]} has no meaning in a default")
+            if given := [key for key in ("name", "class") if key in element.attrib]:
+                raise InputError(f"default: {called(element)}: {given[0]} has no meaning in a default")
             if len(root.findall(tag)) > 1:
                 raise InputError(f"default: <{tag}> appears twice")
         check_mjcf_words(element)

@@ -47,8 +47,8 @@ class Packages:
         """Return the file of an address: package:// and model:// lead to a package, file:// is a full path, and any
         other is relative to the description's folder or else the working folder. Raises InputError where there is
         none."""
-        scheme, told, rest = address.partition("://")
-        if not told or scheme == "file":
+        scheme, separator, rest = address.partition("://")
+        if not separator or scheme == "file":
             file = Path(rest or address)
             return next((each for each in (self.description.parent / file, file) if os.path.exists(each)), file)
         if scheme not in SCHEMES:
@@ -75,7 +75,7 @@ class Packages:
             return None
         upward = list(self.description.parents)
         outside = upward if self._own is None else upward[upward.index(self._own) + 1 :]
-        nearest = _first(upward, name, told=True) if self._own else None
+        nearest = _first(upward, name, named=True) if self._own else None
         return (
             _first(self.folders, name)
             or nearest
@@ -109,13 +109,13 @@ def _packages_below(folder: Path) -> Iterator[Path]:
                 yield about.parent
 
 
-def _first(folders: Iterator[Path] | list[Path] | tuple[Path, ...], name: str, told: bool = False) -> Path | None:
-    """Return the first of the folders that is the package, or holds it. `told`: its package.xml must have the name."""
+def _first(folders: Iterator[Path] | list[Path] | tuple[Path, ...], name: str, named: bool = False) -> Path | None:
+    """Return the first of the folders that is the package, or holds it. `named`: its package.xml must have the name."""
     for folder in folders:
         if _name(folder) == name:
             return folder
         inside = folder / name
-        if os.path.isdir(inside) and (not told or _name(inside) == name):
+        if os.path.isdir(inside) and (not named or _name(inside) == name):
             return inside
     return None
 

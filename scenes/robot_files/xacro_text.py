@@ -89,7 +89,7 @@ def _in_words(error: BaseException) -> InputError:
             return InputError(f"xacro: {inner}")
         if type(inner).__name__ == "ArgException":
             name = shorten(str(inner))
-            said = f"robot.xacro_args: {{{name}: ..}} or --xacro-arg {name}:=.. gives one"
-            return InputError(f"xacro: the argument '{name}' has no value; {said}")
+            hint = f"robot.xacro_args: {{{name}: ..}} or --xacro-arg {name}:=.. gives one"
+            return InputError(f"xacro: the argument '{name}' has no value; {hint}")
         inner = getattr(inner, "exc", None) or inner.__context__
     return InputError(f"xacro: {' '.join(str(error).split()) or type(error).__name__}")

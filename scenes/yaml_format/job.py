@@ -49,7 +49,7 @@ def _stage(entry: Field) -> Stage:
     if len(given) != 1:
         found = f"has more than one of {', '.join(given)}" if given else f"has none of the keys {', '.join(KINDS)}"
         raise entry.error(f"{found}: a stage is of one kind")
-    kind, said = given[0], keys[given[0]]
+    kind, content = given[0], keys[given[0]]
     values: dict[str, Any] = {key: keys[key] for key in COMMON if key in keys}
     if "limits" in keys:
         values["limits"] = read_limits(keys["limits"])
@@ -62,18 +62,18 @@ def _stage(entry: Field) -> Stage:
         values["blend"] = keys["blend"]
     match kind:
         case "move":
-            return entry.make(Move, goal=read_goal(said), **values)
+            return entry.make(Move, goal=read_goal(content), **values)
         case "along":
-            keys = said.mapping((*OWN[Along], "file"))
-            poses = _poses(said, keys)
+            keys = content.mapping((*OWN[Along], "file"))
+            poses = _poses(content, keys)
             own = {key: value for key, value in keys.items() if key != "file"}
             return _made(entry, kind, Along, {**own, "poses": poses}, values)
         case "line" | "circle" | "grip" | "release":
-            return _made(entry, kind, KINDS[kind], said.mapping(OWN[KINDS[kind]]), values)
+            return _made(entry, kind, KINDS[kind], content.mapping(OWN[KINDS[kind]]), values)
         case "set":
-            return entry.make(Set, outputs=said.checked(checks_of(Set)["outputs"], said.value), **values)
+            return entry.make(Set, outputs=content.checked(checks_of(Set)["outputs"], content.value), **values)
         case _:
-            seconds = said.checked(checks_of(Wait)["seconds"], said.value)
+            seconds = content.checked(checks_of(Wait)["seconds"], content.value)
             return entry.make(Wait, seconds=seconds, **values)
 
 
@@ -83,10 +83,10 @@ def _made(entry: Field, kind: str, make: Callable[..., Stage], own: dict[str, An
     return entry.make(lambda **given: dataclasses.replace(bare, **given), **common)
 
 
-def _poses(said: Field, keys: dict[str, Field]) -> tuple[Pose, ...]:
+def _poses(content: Field, keys: dict[str, Field]) -> tuple[Pose, ...]:
     """Return the poses that stand here, or those of the file that is named."""
     if ("file" in keys) == ("poses" in keys):
-        raise said.error("needs either file or poses")
+        raise content.error("needs either file or poses")
     return read_pose_table(keys["file"].path()) if "file" in keys else read_poses(keys["poses"])
 
 
@@ -100,25 +100,25 @@ def stage_entry(
     what has such fields."""
     match stage:
         case Move():
-            said: Any = target(stage.goal)
+            content: Any = target(stage.goal)
         case Curve() | Grip() | Release():
             kind = type(stage)
             written = {key: getattr(stage, key) for key in OWN[kind]}
             usual = {each.name: each.default for each in dataclasses.fields(kind) if each.name in DEFAULTS}
-            said = {
+            content = {
                 key: _plain(value)
                 for key, value in written.items()
                 if value is not None and value != {} and usual.get(key) != value
             }
             if isinstance(stage, Along):
-                said["poses"] = [pose(each) for each in stage.poses]
+                content["poses"] = [pose(each) for each in stage.poses]
         case Set():
-            said = dict(stage.outputs)
+            content = dict(stage.outputs)
         case Wait():
-            said = stage.seconds
+            content = stage.seconds
         case _:
             assert_never(stage)
-    entry: dict[str, Any] = {stage.kind: said}
+    entry: dict[str, Any] = {stage.kind: content}
     if stage.name is not None:
         entry["name"] = stage.name
     if stage.touch:

@@ -223,8 +223,8 @@ def _robot(section: Field) -> RobotSpec:
     base = read_pose(keys["base"]) if "base" in keys else Pose()
     values: dict[str, object] = {**keys, "base": base}
     if "base_joints" in keys:
-        said = keys["base_joints"].mapping(("kind", "x", "y", "yaw"), required=["x", "y", "yaw"])
-        values["base_joints"] = keys["base_joints"].make(PlanarBase, **said)
+        base_joints = keys["base_joints"].mapping(("kind", "x", "y", "yaw"), required=["x", "y", "yaw"])
+        values["base_joints"] = keys["base_joints"].make(PlanarBase, **base_joints)
     if "tracking" in keys:
         values["tracking"] = sizes_of(Tracking, keys["tracking"])
     if "calibration" in keys:

@@ -41,10 +41,10 @@ def repeated(section: Field) -> Iterator[Field]:
 
 def _numbered(made: Field, stage: Field, number: int) -> Field:
     """Return a stage with the number of its row in its name, where that says nothing of the row."""
-    value, said = made.value, stage.value
-    if not isinstance(value, Mapping) or not isinstance(said, Mapping) or not isinstance(value.get("name"), str):
+    value, written = made.value, stage.value
+    if not isinstance(value, Mapping) or not isinstance(written, Mapping) or not isinstance(value.get("name"), str):
         return made
-    named = value["name"] if value["name"] != said["name"] else f"{value['name']} {number}"
+    named = value["name"] if value["name"] != written["name"] else f"{value['name']} {number}"
     return Field({**value, "name": named}, made.key, made.document)
 
 

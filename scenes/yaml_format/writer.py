@@ -188,13 +188,13 @@ def _own_effects(given: Limits | PathConstraints) -> dict[str, Any]:
     """Return a section of limits or of path constraints, a scene's or a stage's."""
     if isinstance(given, PathConstraints):
         return {name.removeprefix("path."): _constraint(each) for name, each in given.given.items()}
-    asked = {name: _joint_values(getattr(given, name)) for name in QUANTITIES}
+    rates = {name: _joint_values(getattr(given, name)) for name in QUANTITIES}
     ranges = {joint: list(span) for joint, span in given.position.items()}
-    return {name: value for name, value in {"position": ranges or None, **asked}.items() if value}
+    return {name: value for name, value in {"position": ranges or None, **rates}.items() if value}
 
 
-def _constraint(asked: PathConstraint) -> dict[str, Any]:
-    match asked:
+def _constraint(constraint: PathConstraint) -> dict[str, Any]:
+    match constraint:
         case Upright(link, axis, tolerance):
             return {"link": link, "axis": list(axis), "tolerance": tolerance}
         case Within(link, size, pose, point):
@@ -203,11 +203,11 @@ def _constraint(asked: PathConstraint) -> dict[str, Any]:
             where = {} if pose is None else {"pose": _pose(pose)}
             return {"link": link, "to": to, **where, "position_tolerance": place, "orientation_tolerance": turn}
         case Follow():
-            given = {each.name: getattr(asked, each.name) for each in fields(asked)}
-            given["poses"] = [_pose(pose) for pose in asked.poses]
+            given = {each.name: getattr(constraint, each.name) for each in fields(constraint)}
+            given["poses"] = [_pose(pose) for pose in constraint.poses]
             return {name: value for name, value in given.items() if value is not None}
         case _:
-            assert_never(asked)
+            assert_never(constraint)
 
 
 def _joint_values(values: JointValues | None) -> Any:

@@ -115,7 +115,7 @@ def test_numbers_of_any_kind_are_the_numbers_that_they_are(door):
             assert str(found) == str(right), (dtype, door)
 
 
-def test_a_list_of_poses_is_refused_where_one_is_asked_for():
+def test_a_list_of_poses_is_refused_where_one_is_requested():
     with pytest.raises(InputError, match="pose_a: found an array of shape"):
         separating_axis_distance(CUBE, np.tile(HERE, (3, 1, 1)), CUBE, HERE)
 

@@ -40,7 +40,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import made_once
 from tests.threads import THREADS, together
 
-Asked = Callable[[Array], list[Array]]  # of some rows of the poses
+Query = Callable[[Array], list[Array]]  # of some rows of the poses
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
@@ -56,22 +56,22 @@ def arrays(found: Any) -> list[Array]:
     return [np.asarray(part) for part in (found if isinstance(found, tuple | list) else (found,))]
 
 
-def each(ask: Callable[[Array, Array], Any]) -> Asked:
+def each(ask: Callable[[Array, Array], Any]) -> Query:
     """Asks pose by pose."""
 
-    def asked(rows: Array) -> list[Array]:
+    def query(rows: Array) -> list[Array]:
         one_by_one = [arrays(ask(POSE_A[k], POSE_B[k])) for k in rows]
         return [np.array(parts) for parts in zip(*one_by_one, strict=True)]
 
-    return asked
+    return query
 
 
-def at_once(ask: Callable[[Array, Array], Any]) -> Asked:
+def at_once(ask: Callable[[Array, Array], Any]) -> Query:
     """Asks for all poses in one call."""
     return lambda rows: arrays(ask(POSE_A[rows], POSE_B[rows]))
 
 
-def rows_of(function: ca.Function, interpreted: bool = False) -> Asked:
+def rows_of(function: ca.Function, interpreted: bool = False) -> Query:
     """Asks a kernel for random rows of random tables."""
     kernel = RowFunction(function)
     kernel.is_compiled = kernel.is_compiled and not interpreted
@@ -91,7 +91,7 @@ def boxes(rows: Array) -> list[Array]:
     return list(gdf_boxes(*placed[0], *placed[1]))
 
 
-def batch(order: str, dtype: str) -> Asked:
+def batch(order: str, dtype: str) -> Query:
     pytest.importorskip("jax")
     from hdplan.distance import hdsdf_batch
 
@@ -106,7 +106,7 @@ def fcl_children(rows: Array) -> list[Array]:
     return [found.distances, found.points_a, found.points_b, found.normals]
 
 
-def fcl_pair() -> Asked:
+def fcl_pair() -> Query:
     pytest.importorskip("fcl")
     from hdplan.distance.baselines.fcl import FclPair
 
@@ -118,7 +118,7 @@ def fields(proximity: Any) -> list[Any]:
 
 
 # how a thread comes by the distance, and how many poses it asks
-WITNESSES: dict[str, tuple[Callable[[], Asked], int]] = {
+WITNESSES: dict[str, tuple[Callable[[], Query], int]] = {
     "hdsdf": (lambda: each(lambda a, b: hdsdf(A, a, B, b)), FEW),
     "separation": (lambda: each(lambda a, b: separation(A, a, B, b)), FEW),
     "derivatives": (lambda: each(lambda a, b: list(vars(hdsdf_derivatives(A, a, B, b)).values())), 3),
@@ -158,8 +158,8 @@ def test_threads_get_what_one_gets_alone(name: str) -> None:
 
     def work(index: int) -> None:
         order = np.random.default_rng(index).permutation(count)
-        for asked in (shared, make()):
-            for part, expected in zip(asked(order), alone, strict=True):
+        for query in (shared, make()):
+            for part, expected in zip(query(order), alone, strict=True):
                 np.testing.assert_array_equal(part, expected[order])
 
     together(work, FEW_THREADS if name == "fcl's children" else THREADS)

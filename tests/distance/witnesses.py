@@ -162,14 +162,14 @@ def agree(one: Evaluation, other: Evaluation, poses, bodies, gamma: int, smooth:
     noise = ROUNDING * size
     assert np.all(np.abs(one.separation - other.separation) <= noise)
     relative = (gamma + 1) ** 2 * noise / np.maximum(np.abs(one.separation), 1e-300)
-    told = relative < 0.5  # elsewhere the gap is nothing but rounding
-    assert np.all(np.abs(other.value - one.value)[~told] <= noise[~told])
+    significant = relative < 0.5  # elsewhere the gap is nothing but rounding
+    assert np.all(np.abs(other.value - one.value)[~significant] <= noise[~significant])
     if gamma == 1 and not smooth:
         one, other = (part._replace(hessian=part.hessian * 0.0) for part in (one, other))
     for x, y in zip(_rows(one, size), _rows(other, size), strict=True):
         worst, scale = np.abs(x - y).max(-1), np.abs(x).max(-1)
         assert np.all(np.isfinite(worst))
-        assert np.all(worst[told] <= relative[told] * scale[told] + 1e-280)
+        assert np.all(worst[significant] <= relative[significant] * scale[significant] + 1e-280)
 
 
 def _rows(found: Evaluation, size: Array) -> tuple[Array, Array, Array]:

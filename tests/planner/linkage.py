@@ -31,16 +31,16 @@ def linkage_urdf(folder: Path, follow: bool = True, **rules: tuple[str, float, f
     for link, (parent, joint, kind, place, axis, limits, box, at) in LINKS.items():
         shape = f'<collision><origin xyz="{at}"/><geometry><box size="{box}"/></geometry></collision>'
         lines.append(f'<link name="{link}">{shape}</link>')
-        said = f'<origin xyz="{place}"/><parent link="{parent}"/><child link="{link}"/><axis xyz="{axis}"/>'
+        content = f'<origin xyz="{place}"/><parent link="{parent}"/><child link="{link}"/><axis xyz="{axis}"/>'
         if limits:
             low, high = limits.split()
-            said += f'<limit lower="{low}" upper="{high}" velocity="1.5" effort="100"/>'
+            content += f'<limit lower="{low}" upper="{high}" velocity="1.5" effort="100"/>'
         else:
-            said += '<limit velocity="3" effort="100"/>' * (joint not in RULES)
+            content += '<limit velocity="3" effort="100"/>' * (joint not in RULES)
         if follow and joint in wanted:
             followed, factor, offset = wanted[joint]
-            said += f'<mimic joint="{followed}" multiplier="{factor!r}" offset="{offset!r}"/>'
-        lines.append(f'<joint name="{joint}" type="{kind}">{said}</joint>')
+            content += f'<mimic joint="{followed}" multiplier="{factor!r}" offset="{offset!r}"/>'
+        lines.append(f'<joint name="{joint}" type="{kind}">{content}</joint>')
     file = folder / ("lifter.urdf" if follow else "free.urdf")
     file.write_text("\n".join([*lines, "</robot>"]))
     return file

@@ -84,8 +84,8 @@ def test_scenes_without_an_effect_are_those_of_a_build_without_it() -> None:
     assert none == whole
     assert all(found["status"] == "certified" for found in whole.values())
     for name, found in zip(alone, others, strict=True):
-        (said,) = found.values()
-        assert said["status"] == "cannot import", name
+        (message,) = found.values()
+        assert message["status"] == "cannot import", name
     assert unlinked.pop("panda_cage")["status"] == "cannot import"
     assert unlinked == links
 
@@ -194,7 +194,7 @@ def test_what_says_what_holds_anyway_changes_nothing() -> None:
     """A clearance that is the planner's, ranges that are the robot's: the same problem, to the last byte."""
     scene = load_scene("panda_cage")
     problem = build(scene)
-    said = dataclasses.replace(
+    changed = dataclasses.replace(
         scene,
         obstacles=tuple(
             dataclasses.replace(obstacle, clearance=scene.planner.clearance) for obstacle in scene.obstacles
@@ -208,7 +208,7 @@ def test_what_says_what_holds_anyway_changes_nothing() -> None:
             }
         ),
     )
-    again = build(said)
+    again = build(changed)
     for one, other in zip(problem.terms.pairs, again.terms.pairs, strict=True):
         for name in ("body_table", "half_sizes", "boxes", "body", "halfspace_body"):
             assert getattr(one.pairs, name).tobytes() == getattr(other.pairs, name).tobytes()
@@ -217,11 +217,11 @@ def test_what_says_what_holds_anyway_changes_nothing() -> None:
 
 
 def test_the_explanation_of_a_scene_shows_no_effect_that_it_lacks() -> None:
-    said = explain(build(load_scene("empty")))
-    off = dict(said["off"])
+    rows = explain(build(load_scene("empty")))
+    off = dict(rows["off"])
     for effect in ("moving obstacles", "held objects", "loads", "path.upright", "path.position", "limits of torque"):
         assert off[effect].startswith("needs ")
-        assert effect not in {name for title, part in said.items() if title != "off" for name, _ in part}
-    assert [name for name, _ in said["trial evaluation"]] == [
+        assert effect not in {name for title, part in rows.items() if title != "off" for name, _ in part}
+    assert [name for name, _ in rows["trial evaluation"]] == [
         *("measured", "kinematics", "smoothness", "self-collision", "all, with derivatives")
     ]

@@ -150,8 +150,8 @@ def test_two_hundred_planted_causes_are_named() -> None:
 def test_a_configuration_that_helps_is_free() -> None:
     scene = planted("end_in_contact", 3)
     advice = diagnosed("end_in_contact", 3).advice
-    said = dict(each.split() for each in advice.partition(" is free: ")[2].split(", "))
-    free = [float(said[name]) for name in ("shoulder", "elbow")]
+    values = dict(each.split() for each in advice.partition(" is free: ")[2].split(", "))
+    free = [float(values[name]) for name in ("shoulder", "elbow")]
     assert hdplan.plan(scene.with_goal(free), time_limit=10.0).certified
 
 

@@ -67,28 +67,28 @@ NEEDED: list[tuple[str, Change, Status, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("name", "without", "status", "said"), NEEDED, ids=[name for name, *_ in NEEDED])
+@pytest.mark.parametrize(("name", "without", "status", "message"), NEEDED, ids=[name for name, *_ in NEEDED])
 def test_the_plan_is_wrong_without_the_section_and_right_with_it(
-    name: str, without: Change, status: Status, said: str
+    name: str, without: Change, status: Status, message: str
 ) -> None:
     scene = load_scene(name)
     lacking = plan(without(scene))
     assert lacking.certified  # as far as that scene says
     judged = certify(scene, lacking.trajectory)
     assert judged.status is status
-    assert said in judged.text
+    assert message in judged.text
     result = plan(scene)
     assert result.certified, result.certificate.text
     assert certify(scene, result.trajectory).certified
 
 
 @pytest.mark.parametrize(("name", "field"), [("panda_cup", "path.upright"), ("ur5_scan", "path.position")])
-def test_path_constraints_are_told_where_there_are_any(name: str, field: str) -> None:
+def test_path_constraints_are_reported_where_there_are_any(name: str, field: str) -> None:
     scene = load_scene(name)
-    for each, told in ((scene, True), (no_path(scene), False)):
+    for each, present in ((scene, True), (no_path(scene), False)):
         problem = build(each)
-        assert (field in dict(explain(problem)["on"])) is told
-        assert (field in {term.name for term in problem.terms}) is told
+        assert (field in dict(explain(problem)["on"])) is present
+        assert (field in {term.name for term in problem.terms}) is present
     result = plan(scene)
     (kept,) = verdict(result.certificate)["path"]
     assert (kept["constraint"], kept["link"]) == (field, {"panda_cup": "panda_hand", "ur5_scan": "tool0"}[name])

@@ -57,7 +57,7 @@ def scene_of(folder: Path, follow: bool = True, **sections: Any) -> Scene:
     ends = {"start": START, "goal": GOAL}
     if not follow:
         ends = {key: {name: float(at) for name, at in by_hand(np.array(q)).items()} for key, q in ends.items()}
-    said = {
+    cases = {
         "hdplan": 1,
         "robot": {"urdf": urdf.name},
         "obstacles": OBSTACLES,
@@ -65,7 +65,7 @@ def scene_of(folder: Path, follow: bool = True, **sections: Any) -> Scene:
         **sections,
     }
     file = folder / f"{urdf.stem}.yaml"
-    file.write_text(json.dumps(said))
+    file.write_text(json.dumps(cases))
     return hdplan.load_scene(file)
 
 
@@ -221,20 +221,20 @@ def test_rates_of_followers_are_kept(tmp_path: Path) -> None:
         scene = scene_of(tmp_path, timing={"rate": 100}, **({"limits": limits} if limits else {}))
         return {key: values.tolist() for key, values in Setup.of(scene).limits.items()}
 
-    said = most({"velocity": 1.0, "acceleration": 2.0})
-    assert said["velocity"] == pytest.approx([1.0, 1.0 / 1.25, 1.0, 1.0, 1.0])
-    assert said["acceleration"] == pytest.approx([2.0, 2.0 / 1.25, 2.0, 2.0, 2.0])
+    found = most({"velocity": 1.0, "acceleration": 2.0})
+    assert found["velocity"] == pytest.approx([1.0, 1.0 / 1.25, 1.0, 1.0, 1.0])
+    assert found["acceleration"] == pytest.approx([2.0, 2.0 / 1.25, 2.0, 2.0, 2.0])
     assert most({"acceleration": 9.0})["velocity"] == [1.5, 1.5, 1.5, 3.0, 1.5]  # of followers only the sled has one
     assert most({"velocity": [1.0, 2.0, 40.0, 1.0, 1.0], "acceleration": 9.0})["velocity"] == pytest.approx(
         [1.0, 2.0, 30.0, 1.0, 1.0]
     )
     assert most({"velocity": {"lift": 0.5}, "acceleration": 9.0})["velocity"] == [1.5, 0.5, 1.5, 3.0, 1.5]
-    for limits, said_ in (
+    for limits, message in (
         ({"torque": 100.0}, "limits.torque: torques are not known where 'cylinder' follows 'lift'"),
         ({"velocity": {"rod": 1.0}}, "joint 'rod' is not planned itself: 'rod' follows 'elbow' at -1 x its value"),
         ({"position": {"rod": [0.0, 1.0]}}, "joint 'rod' is not planned itself"),
     ):
-        with pytest.raises(InputError, match=said_):
+        with pytest.raises(InputError, match=message):
             most({**limits, "acceleration": 9.0})
 
 
@@ -263,13 +263,13 @@ def start(folder: Path, more: dict[str, float]) -> object:
     return Setup.of(scene_of(folder, start={"joints": {**dict(zip(JOINTS, START, strict=True)), **more}})).query
 
 
-@pytest.mark.parametrize(("made", "said"), WRONG)
-def test_what_a_linkage_cannot_be_is_refused(made: Any, said: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=said):
+@pytest.mark.parametrize(("made", "message"), WRONG)
+def test_what_a_linkage_cannot_be_is_refused(made: Any, message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=message):
         made(tmp_path)
 
 
-def test_values_of_followers_may_be_said_where_they_are_right(tmp_path: Path) -> None:
+def test_values_of_followers_may_be_given_where_they_are_right(tmp_path: Path) -> None:
     start(tmp_path, {"rod": 0.5, "slide": -0.005, "piston": -0.275})
     assert spec(tmp_path, {"rod": ("elbow", 0.0, 0.3)}).locked == {"rod": 0.3}  # it does not move
     held = spec(tmp_path, locked={"elbow": 0.4})
@@ -307,9 +307,9 @@ def test_hands_are_held_and_arms_are_planned(tmp_path: Path) -> None:
     robot = load_robot(RobotSpec(urdf=file))
     assert robot.joint_names == JOINTS
     assert robot.locked == {"jaw": 0.0, "other": 0.1}
-    asked = load_robot(RobotSpec(urdf=file, group=(*JOINTS, "jaw")))
-    assert asked.joint_names == (*JOINTS, "jaw")
-    assert "other" in asked.followers
+    checked = load_robot(RobotSpec(urdf=file, group=(*JOINTS, "jaw")))
+    assert checked.joint_names == (*JOINTS, "jaw")
+    assert "other" in checked.followers
 
 
 def test_a_followed_joint_without_limits_is_not_turned_back(tmp_path: Path) -> None:
@@ -378,11 +378,11 @@ def test_it_is_planned_proven_and_checked(tmp_path: Path) -> None:
         check(file, motion, forged(proof.data, file, motion))
     linkage_urdf(tmp_path)
     assert check(file, motion, forged(proof.data, file, motion))[0] == verdict
-    said = json.loads(motion.read_text())
+    content = json.loads(motion.read_text())
     for sign, good in ((-1, True), (-1.01, False)):
-        columns = {"joint_names": [*said["joint_names"], "rod"]}
-        rows = {"positions": [[*row, sign * row[2]] for row in said["positions"]]}
-        motion.write_text(json.dumps({**said, **columns, **rows}))
+        columns = {"joint_names": [*content["joint_names"], "rod"]}
+        rows = {"positions": [[*row, sign * row[2]] for row in content["positions"]]}
+        motion.write_text(json.dumps({**content, **columns, **rows}))
         if good:
             assert check(file, motion, forged(proof.data, file, motion))[0].whole
         else:

@@ -113,10 +113,10 @@ def test_what_leaves_its_range_while_it_brakes_is_refused() -> None:
             for end, way in ((robot.upper, 1.0), (robot.lower, -1.0)):
                 q, velocity = np.array(rest.start.positions), np.zeros(robot.n)
                 q[joint], velocity[joint] = end[joint] - way * 0.09, way
-                said = (
+                message = (
                     rf"start.velocity: the robot cannot brake from it: joint '{robot.joint_names[joint]}' at {way:g} "
                 )
-                with pytest.raises(UnsolvableError, match=said) as error:
+                with pytest.raises(UnsolvableError, match=message) as error:
                     Retimer(Setup.of(moving(rest.with_start(q), velocity), robot))
                 assert error.value.cause == "end_too_fast"
                 assert "\n" not in str(error.value)
@@ -249,8 +249,8 @@ REFUSED: dict[str, tuple[Callable[[Scene], object], str]] = {
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_who_cannot_take_a_moving_start_says_so(case: str) -> None:
-    call, said = REFUSED[case]
-    with pytest.raises(InputError, match=said) as error:
+    call, message = REFUSED[case]
+    with pytest.raises(InputError, match=message) as error:
         call(moving(scene_of("ur5"), [0.1] * 6))
     assert "\n" not in str(error.value)
 
@@ -267,7 +267,7 @@ def test_problems_are_sampled_and_edited_at_rest_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "message"),
     [
         ("start: {velocity: [0.1]}", "start: must have either 'joints' or 'state', found neither"),
         ("start: {state: default, velocity: fast}", "start.velocity: must be a list of numbers, or a mapping"),
@@ -281,10 +281,10 @@ def test_problems_are_sampled_and_edited_at_rest_alone(tmp_path: Path) -> None:
         ("goal: {any: [{joints: [0, 0], velocity: [0.1, 0.1]}]}", r"goal.any\[0\]: unknown key 'velocity'"),
     ],
 )
-def test_files_with_rates_that_have_no_meaning_are_refused(line: str, said: str, tmp_path: Path) -> None:
+def test_files_with_rates_that_have_no_meaning_are_refused(line: str, message: str, tmp_path: Path) -> None:
     ends = {"start": "start: {state: default}", "goal": "goal: {state: default}"} | {line.partition(":")[0]: line}
     (tmp_path / "s.yaml").write_text("\n".join(["hdplan: 1", "robot: {name: panda}", *ends.values()]))
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         load_scene(tmp_path / "s.yaml")
 
 
@@ -295,10 +295,10 @@ def test_an_explanation_says_how_fast_the_robot_is() -> None:
 
 def test_a_request_with_velocities_is_planned_and_proven(tmp_path: Path) -> None:
     examples = Path(__file__).parents[2] / "docs" / "examples"
-    asked = yaml.safe_load((examples / "moveit_request.yaml").read_text())
-    state = asked["start_state"]["joint_state"]
+    request = yaml.safe_load((examples / "moveit_request.yaml").read_text())
+    state = request["start_state"]["joint_state"]
     state["velocity"] = [0.2, *(0.0 for _ in state["name"][1:])]
-    (tmp_path / "r.yaml").write_text(yaml.safe_dump(asked))
+    (tmp_path / "r.yaml").write_text(yaml.safe_dump(request))
     given = examples / "moveit_scene.yaml", tmp_path / "r.yaml", "panda"
     result = hdplan.plan(load_scene(*given))
     assert result.certificate.certified
@@ -310,6 +310,6 @@ def test_a_request_with_velocities_is_planned_and_proven(tmp_path: Path) -> None
     proof = hdplan.prove(given[0], tmp_path / "m.json", *given[1:])
     assert proof.text.startswith("accepted: over the whole motion")
     state["velocity"][0] = 0.2001
-    (tmp_path / "r.yaml").write_text(yaml.safe_dump(asked))
+    (tmp_path / "r.yaml").write_text(yaml.safe_dump(request))
     with pytest.raises(hdplan.NotProvenError, match="wrong ends"):
         hdplan.prove(given[0], tmp_path / "m.json", *given[1:])

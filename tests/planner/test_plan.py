@@ -121,7 +121,7 @@ def test_the_other_solvers_come_through_too(solver: str) -> None:
 
 
 @pytest.mark.core
-def test_the_clearance_that_is_asked_for_is_proven() -> None:
+def test_the_required_clearance_is_proven() -> None:
     result = plan(planar(clearance=0.02))
     assert result.certified
     assert result.certificate.clearance is not None

@@ -62,7 +62,7 @@ REFUSES: dict[str, Callable[[Scene], object]] = {
 
 
 @pytest.mark.parametrize("field", SIZES)
-def test_who_takes_the_world_as_it_is_said_to_be_says_so(field: str) -> None:
+def test_who_takes_the_nominal_world_says_so(field: str) -> None:
     scene = with_one(field)
     assert [*unknown_in(scene)] == [field]
     for call in REFUSES.values():
@@ -104,16 +104,16 @@ def test_who_knows_a_size_shows_it(field: str, tmp_path: Path) -> None:
         )
     else:
         assert "in every world within the scene's sizes" in found.text
-        said = re.sub(r"\[\d\]", "[]", field)
+        field_name = re.sub(r"\[\d\]", "[]", field)
         assert found.worst is not None
         assert found.worst.unknown > 0 or found.worst.other != "crate"
-        assert found.worst.unknown == 0 or said in found.notes[0]
+        assert found.worst.unknown == 0 or field_name in found.notes[0]
     assert field in replay(setup, motion).text
     drawn = sample(tmp_path / "s.yaml", 1, jitter=0.01)
     assert len(drawn.rows) == 1
 
 
-def test_a_plan_that_fails_is_told_which_size_is_too_large() -> None:
+def test_a_plan_that_fails_names_the_size_that_is_too_large() -> None:
     scene = load_scene("panda_cage")
     unsure = scene.with_obstacles(
         [dataclasses.replace(each, uncertainty=Uncertainty(0.016)) for each in scene.obstacles]
@@ -153,33 +153,35 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("where", "value", "said"), WRONG)
-def test_sizes_that_have_no_meaning_are_refused_in_one_line(where: str, value: Any, said: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("where", "value", "message"), WRONG)
+def test_sizes_that_have_no_meaning_are_refused_in_one_line(
+    where: str, value: Any, message: str, tmp_path: Path
+) -> None:
     content = yaml.safe_load(Path(hdplan.scenes.__path__[0], "shipped", "panda_cage.yaml").read_text())
     (content["obstacles"][0] if where == "obstacles" else content["robot"])[
         "uncertainty" if where == "obstacles" else where
     ] = value
     file = tmp_path / "s.yaml"
     file.write_text(yaml.safe_dump(content))
-    with pytest.raises(InputError, match=re.escape(said)) as error:
+    with pytest.raises(InputError, match=re.escape(message)) as error:
         load_scene(file)
     assert "\n" not in str(error.value)
     assert str(error.value).startswith(str(file))
-    if "only" not in said and "speed" not in said:  # what one section needs of another, and what is no number
+    if "only" not in message and "speed" not in message:  # what one section needs of another, and what is no number
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(content, scene_schema())
 
 
 @pytest.mark.parametrize(
-    ("tracking", "said"),
+    ("tracking", "message"),
     [
         (Tracking([0.1] * 3), "robot.tracking.position: 3 values, but panda plans 7 joints"),
         (Tracking({"panda_joint9": 0.1}), "robot.tracking.position: unknown joint 'panda_joint9'"),
         (Tracking({"panda_finger_joint1": 0.1}), "robot.tracking.position: joint 'panda_finger_joint1' is held"),
     ],
 )
-def test_lags_of_joints_that_are_none_are_refused(tracking: Tracking, said: str) -> None:
+def test_lags_of_joints_that_are_none_are_refused(tracking: Tracking, message: str) -> None:
     scene = dataclasses.replace(PERSON, robot=dataclasses.replace(PERSON.robot, tracking=tracking))
-    with pytest.raises(InputError, match=re.escape(said)) as error:
+    with pytest.raises(InputError, match=re.escape(message)) as error:
         hdplan.plan(scene)
-    assert str(error.value).count(said) == 1
+    assert str(error.value).count(message) == 1

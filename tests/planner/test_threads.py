@@ -41,8 +41,8 @@ CHECKED = ("panda_cage", "panda_carry", "ur5_payload", "panda_conveyor", "panda_
 
 def figures(certificate: Certificate) -> tuple[object, ...]:
     """All that a certificate says, but for how long it took."""
-    said = {name: value for name, value in vars(certificate).items() if name != "seconds"}
-    return tuple(map(repr, said.values()))
+    values = {name: value for name, value in vars(certificate).items() if name != "seconds"}
+    return tuple(map(repr, values.values()))
 
 
 def motions(name: str, count: int = 4) -> list[Trajectory]:

@@ -63,7 +63,7 @@ def test_in_a_list_of_obstacles_it_may_carry_its_name_and_pose() -> None:
     assert scene.obstacles[0].shape == Cloud(POINTS, 0.01)
 
 
-def test_points_that_are_not_finite_are_dropped_if_that_is_asked_for() -> None:
+def test_points_that_are_not_finite_are_dropped_if_that_is_requested() -> None:
     holes = np.vstack([POINTS, [np.nan, 0.0, 0.0], [0.0, np.inf, 0.0]])
     assert Cloud(holes, 0.01, drop_nan=True) == Cloud(POINTS, 0.01, drop_nan=True)
     with pytest.raises(InputError, match=r"Cloud.points: 2 of 4 points are not finite"):

@@ -239,17 +239,17 @@ def test_file_and_program_are_refused_with_the_same_words(tmp_path: Path, case: 
             load_scene(file)
         with pytest.raises(FieldError) as by_program:
             make(value)
-        said, made = str(by_file.value), by_program.value
+        message, made = str(by_file.value), by_program.value
         if "\ud800" in str(value):  # no file can hold it
             continue
-        assert said.startswith(f"{file}: {key}"), (value, said)
-        said = said.removeprefix(f"{file}: {key}")
+        assert message.startswith(f"{file}: {key}"), (value, message)
+        message = message.removeprefix(f"{file}: {key}")
         for hint in HINTS:
-            said = said.partition(hint)[0]
+            message = message.partition(hint)[0]
         tail = made.where.partition("[")[1] + made.where.partition("[")[2]  # which item of a list
-        assert said.endswith(f": {made.problem}"), (value, said, made.problem)
-        if said.startswith("["):
-            assert tail.endswith(said.partition(":")[0]), (value, said, tail)
+        assert message.endswith(f": {made.problem}"), (value, message, made.problem)
+        if message.startswith("["):
+            assert tail.endswith(message.partition(":")[0]), (value, message, tail)
         assert str(made).split(":")[0].split(".")[0] in CHECKED, value
         assert "\n" not in str(made)
 

@@ -76,7 +76,7 @@ def _unit(root: Element, upright: bool) -> float:
     """Return the length of the file's unit [m]; `up_axis` is checked alone."""
     asset = only(parts_of(root)["asset"], "<asset>", root)
     found = parts_of(asset)
-    axes = [text_of(axis) for axis in found["up_axis"]] or ["Y_UP"]  # what the format means where nothing is said
+    axes = [text_of(axis) for axis in found["up_axis"]] or ["Y_UP"]  # the format's default
     if axes[0] not in ("X_UP", "Y_UP", "Z_UP") or len(axes) > 1:
         raise InputError(f"up_axis is '{axes[0][:20]}' (allowed: one of X_UP, Y_UP, Z_UP)")
     if upright and axes[0] != "Z_UP":
@@ -139,11 +139,11 @@ class _Scene:
 
     def referred(self, element: Element, attribute: str, tag: str) -> Element:
         """Return the one element of this file that an attribute names."""
-        told = element.get(attribute, "")
-        found = self.by_id[tag, told[1:]] if told[:1] == "#" and told[1:] else []
+        value = element.get(attribute, "")
+        found = self.by_id[tag, value[1:]] if value[:1] == "#" and value[1:] else []
         if len(found) != 1:
-            many = f"is that of {len(found) or 'no'} <{tag}>" if told[:1] == "#" else "is none of this file"
-            raise InputError(f"{shown(element)}: {attribute} '{told[:60]}' {many}; that of one is needed")
+            many = f"is that of {len(found) or 'no'} <{tag}>" if value[:1] == "#" else "is none of this file"
+            raise InputError(f"{shown(element)}: {attribute} '{value[:60]}' {many}; that of one is needed")
         return found[0]
 
     def placed(self, node: Element, above: tuple[Element, ...]) -> Placed:
@@ -215,9 +215,9 @@ def _input(owner: Element, semantic: str) -> Element:
     inputs = parts_of(owner)["input"]
     for each in inputs:
         parts_of(each)
-        told = each.get("semantic", "")
-        if told != semantic and told not in SEMANTICS.split():
-            raise InputError(f"{shown(owner)} has an <input> '{told[:40]}', which is not known here")
+        value = each.get("semantic", "")
+        if value != semantic and value not in SEMANTICS.split():
+            raise InputError(f"{shown(owner)} has an <input> '{value[:40]}', which is not known here")
     return only([each for each in inputs if each.get("semantic") == semantic], f"<input> {semantic}", owner)
 
 
@@ -307,13 +307,13 @@ def _wholes(element: Element) -> Rows:
 
 def _whole(element: Element, name: str, otherwise: int | None = None) -> int:
     """Return an attribute that is a whole number of at least 0."""
-    told = element.get(name)
-    if told is None and otherwise is not None:
+    value = element.get(name)
+    if value is None and otherwise is not None:
         return otherwise
     try:
-        found = read_whole(told or "")
+        found = read_whole(value or "")
     except ValueError:
         found = -1
     if found < 0:
-        raise InputError(f"{shown(element)}: {name} is '{(told or '')[:20]}'; a whole number from 0 on is needed")
+        raise InputError(f"{shown(element)}: {name} is '{(value or '')[:20]}'; a whole number from 0 on is needed")
     return found

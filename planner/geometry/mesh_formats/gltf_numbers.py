@@ -37,9 +37,9 @@ class GltfFile:
         text, self.binary = text_and_binary(data)
         self.top, self.beside = checked(objects_of(text), "file", "the file"), beside
         asset = checked(self.top.get("asset"), "asset", "asset")
-        for key, told in (("version", asset.get("version")), ("minVersion", asset.get("minVersion", "2.0"))):
-            if told != "2.0":
-                raise InputError(f"asset: {key} is {str(told)[:20]!r}; glTF 2.0 is read")
+        for key, value in (("version", asset.get("version")), ("minVersion", asset.get("minVersion", "2.0"))):
+            if value != "2.0":
+                raise InputError(f"asset: {key} is {str(value)[:20]!r}; glTF 2.0 is read")
         for key in ("extensionsRequired", "extensionsUsed"):
             check_extensions(listed(self.top, key, "the file"), key)
         if listed(self.top, "animations", "the file"):

@@ -44,15 +44,15 @@ def read_obj(data: bytes) -> Triangles:
             case ["f", _, _, _, *_]:
                 if not _FACE.fullmatch(" ".join(words)):
                     raise InputError(f"line {number}: {shown(words)}: vertices are whole numbers")
-                told = wholes([word.partition("/")[0] for word in words[1:]], number)
-                rows = [row - 1 if row > 0 else len(vertices) + row for row in told]  # from 1, or backwards
-                if 0 in told or min(rows) < 0:
+                indices = wholes([word.partition("/")[0] for word in words[1:]], number)
+                rows = [row - 1 if row > 0 else len(vertices) + row for row in indices]  # from 1, or backwards
+                if 0 in indices or min(rows) < 0:
                     raise InputError(f"line {number}: {shown(words)}: there is no such vertex")
                 corners += rows
                 counts.append(len(rows))
                 lines.append(number)
-            case ["v", *told]:
-                vertices.append(_point(told, number))
+            case ["v", *coordinates]:
+                vertices.append(_point(coordinates, number))
             case ["f", *_]:
                 raise InputError(f"line {number}: {shown(words)}: a face has 3 vertices at least")
             case [keyword, *_] if keyword not in HARMLESS:

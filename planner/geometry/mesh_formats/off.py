@@ -49,9 +49,9 @@ def read_off(data: bytes) -> Triangles:
             raise InputError(f"line {line}: {shown(words)}: a face of {count} vertices and a colour are expected")
         if len(words) > 1 + count:
             numbers(words[1 + count :], line)
-        if not all(map(str.isdigit, told := words[1 : 1 + count])):  # of signs, readers think differently
+        if not all(map(str.isdigit, indices := words[1 : 1 + count])):  # of signs, readers think differently
             raise InputError(f"line {line}: {shown(words)}: vertices are whole numbers without a sign")
-        corners += wholes(told, line)
+        corners += wholes(indices, line)
         sizes.append(count)
     found = np.array(vertices).reshape(-1, 3)
     of_faces = np.array(sizes, dtype=np.int64), np.array(corners, dtype=np.int64)

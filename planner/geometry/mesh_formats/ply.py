@@ -191,9 +191,9 @@ def _of_text(
     first = data.count(b"\n", 0, begin) + 1
     lines = enumerate(text_of(data).split("\n")[first - 1 :], start=first)
     rows = [(line, words) for line, text in lines if (words := text.split())]
-    if (said := sum(element.rows for element in elements)) != len(rows):
-        short = "is cut short" if len(rows) < said else "goes on after its end"
-        raise InputError(f"{short}: its header says {said} rows, and it holds {len(rows)}")
+    if (declared := sum(element.rows for element in elements)) != len(rows):
+        short = "is cut short" if len(rows) < declared else "goes on after its end"
+        raise InputError(f"{short}: its header says {declared} rows, and it holds {len(rows)}")
     held, at = dict[str, _Columns](), 0
     for element in elements:
         found: dict[str, tuple[list[int], list[float]]] = {
@@ -228,8 +228,8 @@ def _take(
         if known.name in found:
             lengths, values = found[known.name]
             lengths.append(count)
-            told = [word for word in words[begin:end] if word != str(RESTART) or known.type.kind != "i"]
-            if known.name in _CORNERS and not all(map(str.isdigit, told)):  # of signs, readers think differently
+            indices = [word for word in words[begin:end] if word != str(RESTART) or known.type.kind != "i"]
+            if known.name in _CORNERS and not all(map(str.isdigit, indices)):  # of signs, readers think differently
                 raise ValueError
             values += (read_wholes if known.type.kind in "iu" else numbers)(words[begin:end])
         begin = end

@@ -21,7 +21,7 @@ class ClashNode:
 
     def show(self, motion: ShownMotion | None, certifier: Certifier) -> None:
         """Name the worst contact of a motion, or the place where it comes too close; hide the label for any other."""
-        found = None if motion is None or motion.scene is not certifier.setup.asked else clash_of(motion, certifier)
+        found = None if motion is None or motion.scene is not certifier.setup.requested else clash_of(motion, certifier)
         self.label.visible = found is not None
         if found is not None:
             self.label.text, self.label.position = found

@@ -27,7 +27,7 @@ REGION: Color = (86, 180, 233)  # sky blue: where a point of a link is to stay
 CONTACT: Color = (214, 48, 39)  # the near end of the scale below
 INK: Color = (110, 110, 120)
 LINKS: Color = (150, 120, 80)  # between links
-ITERATE: Color = (130, 130, 130)  # a path that the optimizer still works on
+ITERATE: Color = (130, 130, 130)  # a path that is still optimized
 MOTIONS: tuple[Color, ...] = (  # of motions, on path, plot and line
     (0, 158, 115),
     (204, 121, 167),

@@ -88,7 +88,7 @@ class ShownMotion:
             to_obstacles = between_links = np.full(len(parameter), np.nan)
             shares = None
         tip = Tip.of(robot).path(joints)
-        known = (to_obstacles, between_links, shares, certificate, certifier.setup.asked)
+        known = (to_obstacles, between_links, shares, certificate, certifier.setup.requested)
         return cls(name, trajectory, curve, parameter, joints, tip, *known)
 
 

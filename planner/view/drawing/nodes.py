@@ -222,10 +222,10 @@ def draw_left_out(server: viser.ViserServer, points: Array) -> Any:
     )
 
 
-def draw_region(server: viser.ViserServer, asked: Within) -> Any:
+def draw_region(server: viser.ViserServer, region: Within) -> Any:
     """Draw the box in which a point of a link is to stay, seen through; along an axis without sides, ENDLESS long."""
-    x, y, z, w = asked.pose.quaternion_xyzw
-    width, depth, height = (min(edge, ENDLESS) for edge in asked.size)
+    x, y, z, w = region.pose.quaternion_xyzw
+    width, depth, height = (min(edge, ENDLESS) for edge in region.size)
     return server.scene.add_box(
         "/region",
         REGION,
@@ -233,7 +233,7 @@ def draw_region(server: viser.ViserServer, asked: Within) -> Any:
         opacity=0.3,
         cast_shadow=False,
         receive_shadow=False,
-        position=asked.pose.position,
+        position=region.pose.position,
         wxyz=(w, x, y, z),
     )
 

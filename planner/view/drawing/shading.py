@@ -20,7 +20,7 @@ STEP = 0.16  # of luma from one link to the next
 LUMA = (0.299, 0.587, 0.114)  # of red, green and blue (ITU-R BT.601)
 
 
-def told_apart(robot: Robot, skins: Sequence[Skin]) -> tuple[Skin, ...]:
+def two_toned(robot: Robot, skins: Sequence[Skin]) -> tuple[Skin, ...]:
     """Return the same skins in such colours: links at an odd number of joints from the base are the darker ones."""
     return tuple(replace(skin, color=shade(skin.color, _depth(robot, skin.joint) % 2 == 1)) for skin in skins)
 

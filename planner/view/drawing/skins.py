@@ -84,7 +84,7 @@ def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple
     visuals, packages = read_visuals(source), Packages(source.urdf, source.package_dirs)
     files = []
     for visual in visuals:
-        with contextlib.suppress(InputError):  # said when it is to be drawn
+        with contextlib.suppress(InputError):  # reported when it is drawn
             files += [visual.mesh.found(packages)[0]] if visual.mesh else []
     read = [file for file, *_ in robot.files]
     own, failed = _visual_skins(robot, source, stamps_of(read) + mesh_stamps(dict.fromkeys(files)))
@@ -95,7 +95,7 @@ def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple
         drawn = (*drawn, *(skin for skin in collision_skins(robot) if skin.link in bare))
     if own and held:
         drawn = (*drawn, *(skin for skin in collision_skins(robot, HELD) if skin.link in held))
-    words = [said for _, said in failed]
+    words = [reason for _, reason in failed]
     if instead := [link for link in robot.links if own and link in bare]:
         words.append(f"drawn by their collision geometry: {listed(instead)}")
     return drawn, tuple(words)

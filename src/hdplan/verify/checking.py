@@ -107,12 +107,12 @@ def verdict_of_job(parts: list[Part], verdicts: list[Verdict]) -> Verdict:
     common = [x for x in lines[0][1:] if all(x in own for own in lines)]
     stages, whole = sum(not part.arm for part in parts), all(x.whole for x in verdicts)
     lacking = ", ".join(part.name for part, x in zip(parts, verdicts, strict=True) if not x.whole)
-    said = ["accepted" if whole else f"accepted in part; NOT whole, as each says: {lacking}"]
-    said[0] += f": a job of {stages} stages, each of which begins as the one before it ended"
+    claim = ["accepted" if whole else f"accepted in part; NOT whole, as each says: {lacking}"]
+    claim[0] += f": a job of {stages} stages, each of which begins as the one before it ended"
     for part, own in zip(parts, lines, strict=True):
-        said += [f"  {part.name}: {own[0]}; {part.about}", *(f"  {x}" for x in own[1:] if x not in common)]
+        claim += [f"  {part.name}: {own[0]}; {part.about}", *(f"  {x}" for x in own[1:] if x not in common)]
     more = [f"    {line}" for line in JOB.splitlines()]
-    return Verdict("\n".join([*map(shown, said), *common, *more]), whole)
+    return Verdict("\n".join([*map(shown, claim), *common, *more]), whole)
 
 
 def verdict_of(world: World, head: dict[str, Any], reading: Reading) -> Verdict:
@@ -122,14 +122,14 @@ def verdict_of(world: World, head: dict[str, Any], reading: Reading) -> Verdict:
         f"\n  {shown(key)}: SHA-256 {digest[:16]}" for key, digest in reading.hashes.items() if key != "motion"
     )
     assumed = "".join(f"\n    {line}" for line in READ.splitlines())
-    said, _, rest = text.partition("\n  if:")
+    claim, _, rest = text.partition("\n  if:")
     if reading.taken:  # the proof's word is no proof
-        first, _, more = said.partition("\n")
+        first, _, more = claim.partition("\n")
         lacking = f"NOT read by the checker, but taken from the proof: {', '.join(map(shown, reading.taken))}"
         first = first.removeprefix("accepted in part; ").removeprefix("accepted: ")
-        said = f"accepted in part; {lacking}; {first}\n{more}"
-    said += "".join(f"\n  {line}" for line in reading.passed)
-    return Verdict(f"{said}{files}\n  if:{assumed}{rest}", whole and not reading.taken)
+        claim = f"accepted in part; {lacking}; {first}\n{more}"
+    claim += "".join(f"\n  {line}" for line in reading.passed)
+    return Verdict(f"{claim}{files}\n  if:{assumed}{rest}", whole and not reading.taken)
 
 
 def verify(scene: Path, motion: Path, proof: Path, request: Path | None = None, robot: str | None = None) -> Verdict:

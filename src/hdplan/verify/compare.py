@@ -32,8 +32,8 @@ def check_curves(read: list[Any], claimed: list[Any]) -> None:
     chords: all poses of each are within SAME_CURVE of the tolerances of the other."""
     one, other = ([x for x in each if x.get("kind") == "follow"] for each in (read, claimed))
     need(len(one) == len(other) == 1, "the worlds differ: path: another curve")
-    said = [{key: each[0].get(key) for key in ("link", "free", "speed", "acceleration")} for each in (one, other)]
-    need(said[0] == said[1], f"the worlds differ: path: {said[0]} is read, the proof has {said[1]}")
+    both = [{key: each[0].get(key) for key in ("link", "free", "speed", "acceleration")} for each in (one, other)]
+    need(both[0] == both[1], f"the worlds differ: path: {both[0]} is read, the proof has {both[1]}")
     for key in ("position_tolerance", "orientation_tolerance", "begin_tolerance", "end_tolerance"):
         least, most = sorted((x[0][key] is not None, x[0][key]) for x in (one, other))
         good = least[0] == most[0] and (not least[0] or least[1] >= most[1] * (1 - SAME_CURVE))

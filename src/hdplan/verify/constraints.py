@@ -25,11 +25,11 @@ USUAL = 0.01  # [rad] tolerance of a goal's orientation
 def goal_of(value: Any, frames: Frames) -> Any:
     """The single goal: values of joints, or poses of links."""
     need(len(listing(value, "goal_constraints")) == 1, "request.goal_constraints: one goal is expected")
-    said = _given(value[0], "goal_constraints")
-    if "joint_constraints" in said:
-        need(len(said) == 1, "goal_constraints: by joints and by a pose")
+    section = _given(value[0], "goal_constraints")
+    if "joint_constraints" in section:
+        need(len(section) == 1, "goal_constraints: by joints and by a pose")
         found = dict[str, float]()
-        for i, entry in enumerate(listing(said["joint_constraints"], "joint_constraints")):
+        for i, entry in enumerate(listing(section["joint_constraints"], "joint_constraints")):
             what = f"joint_constraints[{i}]"
             own = fields(entry, "JointConstraint", what)
             name = scenes.word(own.get("joint_name"), what)
@@ -39,7 +39,7 @@ def goal_of(value: Any, frames: Frames) -> Any:
                 number(own.get(key, 0.0), f"{what}.{key}", low=0.0)
         frames.check_base(found, "goal_constraints")
         return {"joints": found}
-    places, turns = (_by_link(said.get(f"{x}_constraints")) for x in ("position", "orientation"))
+    places, turns = (_by_link(section.get(f"{x}_constraints")) for x in ("position", "orientation"))
     need(places and {*turns} <= {*places}, "goal_constraints: no joints, and no position of each link")
     poses = []
     for link, entry in places.items():
@@ -69,27 +69,32 @@ def _by_link(value: Any) -> dict[str, Any]:
 def _region(value: Any, frames: Frames) -> tuple[str, list[float], dict[str, Any], Pose]:
     """A link, a point in its frame, and the region for it: a shape and where it is."""
     what = "position_constraints"
-    said = fields(value, "PositionConstraint", what)
-    region = fields(said.get("constraint_region"), "BoundingVolume", what)
+    section = fields(value, "PositionConstraint", what)
+    region = fields(section.get("constraint_region"), "BoundingVolume", what)
     shapes = solids(region, what)
     need(len(shapes) == 1, f"{what}: one region is expected")
     ((shape, place),) = shapes
-    point = vector(said.get("target_point_offset", [0.0] * 3), what)
-    return scenes.word(said.get("link_name"), what), point, shape, compose(frames.of(said.get("header"), what), place)
+    point = vector(section.get("target_point_offset", [0.0] * 3), what)
+    return (
+        scenes.word(section.get("link_name"), what),
+        point,
+        shape,
+        compose(frames.of(section.get("header"), what), place),
+    )
 
 
 def _turn(value: Any, frames: Frames) -> tuple[Any, float, str]:
     """Orientation of a link, by how much it may be off, and about which of its axes it is free."""
     what = "orientation_constraints"
-    said = fields(value, "OrientationConstraint", what)
-    most = {x: number(said.get(f"absolute_{x}_axis_tolerance"), what) for x in "xyz"}
+    section = fields(value, "OrientationConstraint", what)
+    most = {x: number(section.get(f"absolute_{x}_axis_tolerance"), what) for x in "xyz"}
     need(min(most.values()) > 0, f"{what}: a tolerance is not above 0")
     free = "".join(x for x in "xyz" if most[x] >= FREE)
-    vectors = said.get("parameterization", 0)
+    vectors = section.get("parameterization", 0)
     need(type(vectors) is int and vectors in (0, 1), f"{what}.parameterization: 0 or 1 is expected")
     need(free in ("", "xyz") or (free in ("x", "z") and not vectors), f"{what}: free about {free}")
-    need("orientation" in said, f"{what}: has no orientation")
-    turn, _ = compose(frames.of(said.get("header"), what), pose({"orientation": said["orientation"]}, what))
+    need("orientation" in section, f"{what}: has no orientation")
+    turn, _ = compose(frames.of(section.get("header"), what), pose({"orientation": section["orientation"]}, what))
     if free == "xyz":
         return HERE[0], USUAL, "all"
     return turn, min(CONE, *(x for x in most.values() if x < FREE)), free or "none"
@@ -104,11 +109,11 @@ def _slant(way: Any) -> float:
 
 def path_of(value: Any, frames: Frames) -> tuple[dict[str, Any], ...]:
     """Path constraints, as a world has them."""
-    said, found = _given({} if value is None else value, "path_constraints"), list[dict[str, Any]]()
-    need("joint_constraints" not in said, "path_constraints: of joints")
-    need(all(len(listing(x, "path_constraints")) == 1 for x in said.values()), "path_constraints: two of a kind")
-    if "orientation_constraints" in said:
-        (entry,) = said["orientation_constraints"]
+    section, found = _given({} if value is None else value, "path_constraints"), list[dict[str, Any]]()
+    need("joint_constraints" not in section, "path_constraints: of joints")
+    need(all(len(listing(x, "path_constraints")) == 1 for x in section.values()), "path_constraints: two of a kind")
+    if "orientation_constraints" in section:
+        (entry,) = section["orientation_constraints"]
         turn, angle, free = _turn(entry, frames)
         need(free in ("x", "z"), "path_constraints: an orientation that leaves neither x nor z free")
         way = turn.mid[:, "xyz".index(free)]
@@ -118,8 +123,8 @@ def path_of(value: Any, frames: Frames) -> tuple[dict[str, Any], ...]:
         link, off = scenes.word(entry.get("link_name"), "path_constraints"), 2 * float(turn.rad.max()) + SERIES
         axis = [float(np.sign(way[2])) * (x == free) for x in "xyz"]
         found.append({"kind": "upright", "link": link, "axis": axis, "off": off, "tolerance": angle - slant})
-    if "position_constraints" in said:
-        link, point, shape, place = _region(said["position_constraints"][0], frames)
+    if "position_constraints" in section:
+        link, point, shape, place = _region(section["position_constraints"][0], frames)
         need(shape["type"] == "box", "path_constraints: a region that is no box")
         box = {"kind": "position", "link": link, "point": point, "size": shape["size"]}
         found.append({**box, **scenes.frame(place)})

@@ -85,9 +85,9 @@ def line_of(control: Ball) -> Line:
 def limits_of(world: World, name: str) -> tuple[Any, Any]:
     """The least and the most (n,) of values, rates or torques of all joints, with the allowed excess; infinite
     where nothing limits them."""
-    said, value = world.limits.get(name), name == "position"
-    need(type(said) is list and len(said) == world.own, f"limits.{name}: one for every joint is expected")
-    pairs = (zip(x if value else (x, x), (-np.inf, np.inf), strict=True) for x in said)
+    bounds, value = world.limits.get(name), name == "position"
+    need(type(bounds) is list and len(bounds) == world.own, f"limits.{name}: one for every joint is expected")
+    pairs = (zip(x if value else (x, x), (-np.inf, np.inf), strict=True) for x in bounds)
     ends = [[none if x is None else number(x, f"limits.{name}") for x, none in pair] for pair in pairs]
     low, high = np.array(ends).T
     need(value or (high >= 0).all(), f"limits.{name}: is negative")
@@ -146,11 +146,11 @@ def at_rates(world: World, names: list[str], end: str) -> bool:
     """True if the motion's end has these rates of a target; a motion without times has none, and is to need none."""
     control, place = world.curve, 0 if end == "start" else -1
     for order, name in enumerate(names, 1):
-        asked = rate_at(world, end, order)
-        need(world.clock is not None or not asked.size.any(), f"{end}.{name}: is not 0, and the motion has no times")
+        required = rate_at(world, end, order)
+        need(world.clock is not None or not required.size.any(), f"{end}.{name}: is not 0, and the motion has no times")
         if world.clock is not None:
             control = derivative(world, control) if control.mid.shape[1] > 1 else control * 0.0
-            if not (rate_there(world, control, place, order) - asked).size.max() <= SAME:
+            if not (rate_there(world, control, place, order) - required).size.max() <= SAME:
                 return False
     return True
 
@@ -202,12 +202,12 @@ def check_limit(world: World, name: str) -> None:
 def check_torques(world: World) -> None:
     """Check the limits of torques: inverse dynamics (Luh, Walker and Paul 1980) of numbers that are linear in s but for
     a radius, from the joints' values and rates on parts of the motion. Gravity is 9.81 m/s^2 along -z."""
-    joints, said = world.joints[: world.own], world.loads
+    joints, written = world.joints[: world.own], world.loads
     need(not any(x.follows for x in joints), "limits.torque: nothing says how joints that follow others share a load")
     (_, most), rates = limits_of(world, "torque"), rates_of(world, "torque", 2)
-    need(type(said) is list and len(said) == len(joints), "loads: one for every joint is expected")
+    need(type(written) is list and len(written) == len(joints), "loads: one for every joint is expected")
     loads = []
-    for i, each in enumerate(said):
+    for i, each in enumerate(written):
         mass, moment, inertia, off = keys_of(each, f"loads[{i}]", "mass moment inertia off")
         need(mass >= 0, f"loads[{i}]: a mass below 0")
         loads.append([Ball(mass, off), Ball(moment, off), Ball(symmetric(inertia), off)])
@@ -295,10 +295,10 @@ def link_of(world: World, name: Any) -> tuple[int, Pose]:
     return found[name]
 
 
-def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[Bond]:
+def bonds_of_path(world: World, constraints: Any, begins: Callable[[], bool]) -> list[Bond]:
     """Bonds that keep the path constraints; `begins` is True if the motion begins at the start."""
     found = list[Bond]()
-    for each in said:
+    for each in constraints:
         kind = each.get("kind")
         what = f"path.{kind}"
         if kind == "upright":
@@ -332,9 +332,9 @@ def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[B
     return found
 
 
-def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], said: Any) -> list[Bond]:
+def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], tolerances: Any) -> list[Bond]:
     """Bonds that keep a link's frame at another one, within tolerances; about one of its axes it may be free."""
-    (joint, pose), (other, target), (off, angle, free) = link, to, said
+    (joint, pose), (other, target), (off, angle, free) = link, to, tolerances
     bonds = [Bond(what, joint, pose[1][None], other, target[1][None], off + ROUNDED)]
     need(free in ("none", "x", "y", "z", "all"), f"{what}: free '{free}'")
     if free != "all":
@@ -346,13 +346,13 @@ def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], said:
     return bonds
 
 
-def check_path(world: World, said: Any, begins: Callable[[], bool]) -> None:
+def check_path(world: World, constraints: Any, begins: Callable[[], bool]) -> None:
     """Check the path constraints on the whole motion."""
     from .follow import check_follow
 
-    for each in (x for x in said if x.get("kind") == "follow"):
+    for each in (x for x in constraints if x.get("kind") == "follow"):
         check_follow(world, each)
-    for bond in bonds_of_path(world, [x for x in said if x.get("kind") != "follow"], begins):
+    for bond in bonds_of_path(world, [x for x in constraints if x.get("kind") != "follow"], begins):
 
         def off(spans: Any, bond: Bond = bond) -> Any:
             return ~(Motion(world, spans).apart(bond) <= bond.most)[:, None]
@@ -367,9 +367,9 @@ def reached(world: World, end: str) -> bool:
     return any([at_poses(world, x, end) if "poses" in x else at_values(world, x, end) for x in targets])
 
 
-def at_poses(world: World, said: Any, end: str) -> bool:
+def at_poses(world: World, target: Any, end: str) -> bool:
     """True if the motion ends with links at poses."""
-    (poses,), count = keys_of(said, end, "poses"), float(len(world.control.mid))
+    (poses,), count = keys_of(target, end, "poses"), float(len(world.control.mid))
     there = placed([(end, x) for x in poses], "link position_tolerance orientation_tolerance free")
     last, bonds = Motion(world, np.array([[count - INSTANT, count]]), lags=False), list[Bond]()
     for link, *within, at in there:
@@ -377,12 +377,12 @@ def at_poses(world: World, said: Any, end: str) -> bool:
     return end == "goal" and len(there) > 0 and all(bool((last.apart(x) <= x.most).all()) for x in bonds)
 
 
-def at_values(world: World, said: Any, end: str) -> bool:
+def at_values(world: World, target: Any, end: str) -> bool:
     """True if the motion's end is at joint values, and all other joints that a target names at theirs; at a goal,
     joints that turn without limits, and that nothing follows, may be whole turns away."""
-    rates = [x for x in ("velocity", "acceleration") if x in said]
+    rates = [x for x in ("velocity", "acceleration") if x in target]
     need(rates[:1] != ["acceleration"], f"{end}: an acceleration without a velocity")
-    values, others, *_ = keys_of(said, end, " ".join(["joints", "others", *rates]))
+    values, others, *_ = keys_of(target, end, " ".join(["joints", "others", *rates]))
     low, high = limits_of(world, "position")
     row, lead = world.rows[0 if end == "start" else -1], world.lead
     off = row - numbers(values, (len(lead),), end)

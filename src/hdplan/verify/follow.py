@@ -36,9 +36,9 @@ MOST_POSES = 200_000
 class Curve:
     """The poses that a link is to follow."""
 
-    def __init__(self, world: World, said: Any) -> None:
+    def __init__(self, world: World, content: Any) -> None:
         """Take them; long turns are divided, so that places near the link are found by straight lines."""
-        _, link, self.free, poses, *allowed = keys_of(said, "path.follow", KEYS)
+        _, link, self.free, poses, *allowed = keys_of(content, "path.follow", KEYS)
         self.joint, self.own = link_of(world, link)
         need(self.free in ("none", "x", "y", "z") and type(poses) is list and len(poses) > 1, "path.follow")
         self.far, self.angle = (number(x, "path.follow") for x in allowed[:2])
@@ -221,10 +221,10 @@ class Followed:
         return spans_of(low, high) if low < high else spans_of(0.0, float(len(self.world.control.mid)))
 
 
-def check_follow(world: World, said: Any) -> None:
+def check_follow(world: World, content: Any) -> None:
     """Check that the link follows its curve on the whole motion."""
     need(not world.tracks, "path.follow: beside obstacles that move")
-    curve = Curve(world, said)
+    curve = Curve(world, content)
     followed = Followed(world, curve)
     spans = np.stack([followed.nodes[:-1], followed.nodes[1:]], axis=1)
     everywhere("path.follow", ["the link's place", "the link's turn"], spans, followed.off)

@@ -42,10 +42,13 @@ class Hands:
         """Take what there is at first."""
         top, joints = reader.top, reader.joints
         need(not isinstance(joints, OtherRobot), "job: can be checked with a robot in URDF alone")
-        said = {*top} & {"path", "from_request", "goal"}
-        said |= {"timing.duration"} & {f"timing.{x}" for x in top.get("timing", {})}
-        said |= {f"robot.{x}" for x in ("calibration", "tracking") if joints.spec.get(x) is not None}
-        need(not said and top.get("self_collision") is not False, f"{', '.join(said) or 'self_collision'}: with a job")
+        refused = {*top} & {"path", "from_request", "goal"}
+        refused |= {"timing.duration"} & {f"timing.{x}" for x in top.get("timing", {})}
+        refused |= {f"robot.{x}" for x in ("calibration", "tracking") if joints.spec.get(x) is not None}
+        need(
+            not refused and top.get("self_collision") is not False,
+            f"{', '.join(refused) or 'self_collision'}: with a job",
+        )
         self.reader, self.spec = reader, joints.spec
         start = Targets(joints, False).target(top["start"], "start")
         need("velocity" not in start, "start.velocity: with a job, whose stages begin at rest")
@@ -129,19 +132,19 @@ class Hands:
 
     def of_fingers(self, stage: Stage) -> dict[str, Any]:
         """The sections in which fingers move, and the arm stands still."""
-        joints, asked = self.joints(), mapping(stage.said["joints"], "joints", " ".join(stage.said["joints"]))
+        joints, values = self.joints(), mapping(stage.content["joints"], "joints", " ".join(stage.content["joints"]))
         tree = joints.tree
         leaders = {x: y.mimic[0] for x, y in tree.joints.items() if y.mimic}
         leaders |= {x: rule[0] for x, rule in tree.rules(tree.movable).items()}
-        for joint in asked:
+        for joint in values:
             need(joint in joints.held, f"joints: '{joint}' is none of the fingers'")
-            need(leaders.get(joint, joint) in asked, f"joints: '{joint}' follows '{leaders.get(joint)}'")
-        group = [x for x in asked if x not in leaders]
+            need(leaders.get(joint, joint) in values, f"joints: '{joint}' follows '{leaders.get(joint)}'")
+        group = [x for x in values if x not in leaders]
         fixed = {**(self.spec.get("locked") or {}), **self.hand, **self.arm}
         locked = {x: at for x, at in fixed.items() if leaders.get(x, x) not in group}
         start = {"joints": {x: joints.held[x] for x in group}}
         robot = {**self.spec, "group": group, "locked": locked}
-        return {"robot": robot, "start": start, "goal": {"joints": asked}}
+        return {"robot": robot, "start": start, "goal": {"joints": values}}
 
     def touching(self, stage: Stage) -> tuple[list[Any], list[Any]]:
         """Obstacles and held objects in a stage: an obstacle that something may touch is held by a link that stands
@@ -170,29 +173,29 @@ class Hands:
     def carrier(self, stage: Stage) -> str:
         """The link that carries an object which is gripped."""
         joints = self.joints()
-        link = stage.said["link"] if "link" in stage.said else self.targets.end_effector()
+        link = stage.content["link"] if "link" in stage.content else self.targets.end_effector()
         need(link in joints.at, f"grip.link: '{link}' is not known")
         return str(link)
 
     def fingers_on(self, stage: Stage) -> list[str]:
         """The links that may touch an object which is gripped, and hold it."""
-        at, name = self.joints().at, stage.said["object"]
+        at, name = self.joints().at, stage.content["object"]
         return [*dict.fromkeys(x for pair in stage.touch if name in pair for x in pair if x in at)]
 
     def holding(self, stage: Stage) -> tuple[str, tuple[str, ...]]:
         """An object that is gripped, and the links that hold it, which must be close to it."""
-        return str(stage.said["object"]), tuple(self.fingers_on(stage) or [self.carrier(stage)])
+        return str(stage.content["object"]), tuple(self.fingers_on(stage) or [self.carrier(stage)])
 
     def take(self, stage: Stage) -> None:
         """Take hold of an object as it stands, or as another hand holds it."""
-        joints, places, name = self.joints(), self.links(), stage.said["object"]
+        joints, places, name = self.joints(), self.links(), stage.content["object"]
         first, place = self.held.get(name), self.place(name)
         shape = first["shape"] if first else self.solid(name)
         link, touching = self.carrier(stage), self.fingers_on(stage)
         for other in touching:
             need(joints.at[other][0] == joints.at[link][0], f"grip: '{other}' does not move with '{link}'")
         held = {"name": name, "link": link, "shape": shape, "pose": back(places[link], place)}
-        masses = [x["mass"] for x in (stage.said, first or {}) if "mass" in x]
+        masses = [x["mass"] for x in (stage.content, first or {}) if "mass" in x]
         held |= {"touch_links": touching, **({"mass": masses[0]} if masses else {})}
         if first is None:
             del self.standing[name]
@@ -207,7 +210,7 @@ class Hands:
     def let_go(self, stage: Stage) -> None:
         """Leave a held object where it is: to the hand that holds it too, or standing there, where nobody may touch it
         any more."""
-        name = stage.said["object"]
+        name = stage.content["object"]
         need(name in self.held, f"release.object: '{name}' is not held")
         if name in self.taken:
             self.held[name] = self.taken.pop(name)

@@ -46,9 +46,9 @@ def _npy(data: bytes, what: str) -> Any:
     need(size and data[7] == 0, f"{what}: is no npy file")
     begins = 8 + size + int.from_bytes(data[8 : 8 + size], "little")
     need(begins <= min(len(data), 10_000), f"{what}: is cut short")
-    said = ast.literal_eval(data[8 + size : begins].decode("ascii").strip())
-    need(type(said) is dict and {*said} == {"descr", "fortran_order", "shape"}, f"{what}: its head")
-    kind, backwards, shape = said["descr"], said["fortran_order"], said["shape"]
+    header = ast.literal_eval(data[8 + size : begins].decode("ascii").strip())
+    need(type(header) is dict and {*header} == {"descr", "fortran_order", "shape"}, f"{what}: its head")
+    kind, backwards, shape = header["descr"], header["fortran_order"], header["shape"]
     need(type(kind) is str and re.fullmatch(r"([<>][iuf][248])|(\|[biu]1)", kind), f"{what}: numbers of another kind")
     need(type(backwards) is bool and type(shape) is tuple, f"{what}: its head")
     need(all(type(x) is int and 0 < x < MOST_BYTES for x in shape), f"{what}: its shape")

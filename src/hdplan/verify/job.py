@@ -78,7 +78,7 @@ class Job(Hands):
         for i, stage in enumerate(self.stages):
             there = marks[i].get("name") if i < len(marks) else None
             need(there == stage.name, f"the motion's stage {i} is {there!r}, the job's is '{stage.name}'")
-            sets = stage.said if stage.kind == "set" else {}
+            sets = stage.content if stage.kind == "set" else {}
             same = json.dumps(marks[i].get("outputs", {}), sort_keys=True) == json.dumps(sets, sort_keys=True)
             need(same, f"stage '{stage.name}': the motion sets other outputs than the job")
         need(len(marks) == len(self.stages), "the motion has more stages than the job")
@@ -119,13 +119,13 @@ class Job(Hands):
         if stage.kind not in ARM:
             need(not rows.moves(), "the robot moves where it is to stand still")
         if stage.kind == "wait":
-            asked = scenes.one(stage.said, "wait")
-            need(rows.times[-1] - rows.times[0] >= asked - SAME_TIME, f"waits for less than {asked:g} s")
+            least = scenes.one(stage.content, "wait")
+            need(rows.times[-1] - rows.times[0] >= least - SAME_TIME, f"waits for less than {least:g} s")
         aim: dict[str, Any] = {"goal": still}
         if stage.kind == "move":
-            rates = {"velocity", "acceleration"} & {*stage.said}
+            rates = {"velocity", "acceleration"} & {*stage.content}
             need(not rates, "move.velocity: with a job, whose stages end at rest")
-            aim = {"goal": stage.said, "path": stage.beside.get("path", {})}
+            aim = {"goal": stage.content, "path": stage.beside.get("path", {})}
         elif stage.curve:
             aim = following(self, number)
         if stage.blend:
@@ -159,7 +159,7 @@ class Job(Hands):
         about = f"holds {', '.join(map(named, self.held)) or 'nothing'}; may touch, beside what it holds: {touch}{into}"
         name = f"stage {named(stage.name)}{', the arm that stands still' * arm}"
         read = reader.reading(world)
-        holding = None if arm or stage.kind != "grip" or "object" not in stage.said else self.holding(stage)
+        holding = None if arm or stage.kind != "grip" or "object" not in stage.content else self.holding(stage)
         return Part(name, about, read, arm, holding, stage.curve)
 
     def passing(self, rows: Rows) -> dict[str, list[float]]:
@@ -180,18 +180,18 @@ class Job(Hands):
             self.arm = {x: rows.last(x) for x in self.arm}
         elif stage.kind in ("grip", "release"):
             if stage.fingers:
-                said = self.of_fingers(stage)
-                joints = Joints(said["robot"], said["start"], self.reader.joints.tree, self.reader.joints.semantics)
+                task = self.of_fingers(stage)
+                joints = Joints(task["robot"], task["start"], self.reader.joints.tree, self.reader.joints.semantics)
                 moved = {x: rows.last(x) for x in joints.lead}
                 moved |= {x: factor * moved[y] + add for x, (y, factor, add) in joints.rules.items()}
                 self.hand |= moved
-            if "object" in stage.said:
+            if "object" in stage.content:
                 (self.take if stage.kind == "grip" else self.let_go)(stage)
 
 
 def of_fingers(limits: Any) -> dict[str, Any]:
     """Limits of the arm that hold for fingers: those that are for all joints."""
-    said = {x: y for x, y in limits.items() if x in ("velocity", "acceleration", "jerk")}
-    kept = {x: y for x, y in said.items() if type(y) in (int, float, str)}
-    need({"acceleration", "jerk"} & {*said} <= {*kept}, "limits: by joints of the arm, which do not limit fingers")
+    given = {x: y for x, y in limits.items() if x in ("velocity", "acceleration", "jerk")}
+    kept = {x: y for x, y in given.items() if type(y) in (int, float, str)}
+    need({"acceleration", "jerk"} & {*given} <= {*kept}, "limits: by joints of the arm, which do not limit fingers")
     return kept

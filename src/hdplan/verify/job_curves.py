@@ -44,25 +44,25 @@ class Corner:
 def tolerances(stage: Stage) -> tuple[float, float]:
     """Greatest distance [m] and angle [rad] of the link from its curve."""
     keys = ("position_tolerance", 1e-3, 0.1), ("orientation_tolerance", 1e-2, 1.0)
-    found = [(scenes.one(stage.said.get(key, usual), f"{stage.kind}.{key}"), most) for key, usual, most in keys]
+    found = [(scenes.one(stage.content.get(key, usual), f"{stage.kind}.{key}"), most) for key, usual, most in keys]
     need(all(0 < x <= most for x, most in found), f"{stage.kind}: a tolerance")
     return found[0][0], found[1][0]
 
 
 def link_of(job: Job, stage: Stage) -> str:
     """The link, or the held object, that follows a stage's curve."""
-    link = stage.said["link"] if "link" in stage.said else job.targets.end_effector()
+    link = stage.content["link"] if "link" in stage.content else job.targets.end_effector()
     need(job.moves(link), f"{stage.kind}.link: '{link}' is no link or held object that moves")
     return str(link)
 
 
 def leg_of(job: Job, stage: Stage, corner: Corner | None) -> Leg:
     """The curve of a stage from its beginning to its end, as if it were not blended."""
-    said, kind, link = stage.said, stage.kind, link_of(job, stage)
-    free = said.get("free_rotation", "none")
+    content, kind, link = stage.content, stage.kind, link_of(job, stage)
+    free = content.get("free_rotation", "none")
     need(free in ("none", "x", "y", "z"), f"{kind}.free_rotation: '{free}'")
     rates = [
-        None if (x := said.get(key)) is None else scenes.one(x, key) for key in ("tool_speed", "tool_acceleration")
+        None if (x := content.get(key)) is None else scenes.one(x, key) for key in ("tool_speed", "tool_acceleration")
     ]
     need(all(x is None or x > 0 for x in rates), f"{kind}: a speed or acceleration of the tool")
     if corner is None:
@@ -70,33 +70,33 @@ def leg_of(job: Job, stage: Stage, corner: Corner | None) -> Leg:
     else:
         need(corner.link == link, f"{kind}.link: '{link}', and the stage before it is blended with '{corner.link}'")
         turn, at = corner.turn, corner.at
-    frame = said.get("frame", "world")
+    frame = content.get("frame", "world")
     own, origin = frame_of(job, kind, frame, (turn, at), corner)
     if kind == "along":
-        rotations, places = poses_of(job, said)
+        rotations, places = poses_of(job, content)
         rotations, places = own @ rotations, places @ own.T + origin
         off = lengths(places[0] - at)
         need(off <= tolerances(stage)[0] + ROUNDED, f"along: the first pose is {off:.3g} m from where the link is")
         return Leg(places, rotations, free, (rates[0], rates[1]))
-    need(("by" in said) != ("to" in said), f"{kind}: either by or to")
-    need("by" in said or not {"frame", "turn"} & {*said}, f"{kind}: frame and turn go with 'by'")
-    need("to" in said or "rpy" not in said, f"{kind}.rpy: goes with 'to'")
+    need(("by" in content) != ("to" in content), f"{kind}: either by or to")
+    need("by" in content or not {"frame", "turn"} & {*content}, f"{kind}: frame and turn go with 'by'")
+    need("to" in content or "rpy" not in content, f"{kind}.rpy: goes with 'to'")
 
     def place(key: str) -> Any:
-        given = values(said[key], 3, f"{kind}.{key}")
-        return given if "to" in said else at + own @ given
+        given = values(content[key], 3, f"{kind}.{key}")
+        return given if "to" in content else at + own @ given
 
-    ends, end = place("to" if "to" in said else "by"), turn
-    if "rpy" in said:
-        end = rpy(values(said["rpy"], 3, "rpy")).mid
-    elif "turn" in said:
-        asked = values(said["turn"], 3, "turn")
-        need((np.abs(asked) <= np.pi).all(), f"{kind}.turn: more than half a turn")
-        end = own @ rpy(asked).mid @ own.T @ turn
+    ends, end = place("to" if "to" in content else "by"), turn
+    if "rpy" in content:
+        end = rpy(values(content["rpy"], 3, "rpy")).mid
+    elif "turn" in content:
+        angles = values(content["turn"], 3, "turn")
+        need((np.abs(angles) <= np.pi).all(), f"{kind}.turn: more than half a turn")
+        end = own @ rpy(angles).mid @ own.T @ turn
     arc = None
     if kind == "circle":
-        need(("interim" in said) != ("center" in said), "circle: either interim or center")
-        around = "interim" in said
+        need(("interim" in content) != ("center" in content), "circle: either interim or center")
+        around = "interim" in content
         arc = (
             arc_through(at, place("interim"), ends)
             if around
@@ -123,13 +123,13 @@ def frame_of(job: Job, kind: str, frame: Any, begins: tuple[Any, Any], corner: C
     return known(job.place(frame))
 
 
-def poses_of(job: Job, said: dict[str, Any]) -> tuple[Any, Any]:
+def poses_of(job: Job, content: dict[str, Any]) -> tuple[Any, Any]:
     """Rotations (N, 3, 3) and places (N, 3) of a list, or of a CSV file."""
-    need(("file" in said) != ("poses" in said), "along: either file or poses")
-    if "poses" in said:
-        read = [known(scenes.pose_of(x, "along.poses")) for x in listing(said["poses"], "along.poses")]
+    need(("file" in content) != ("poses" in content), "along: either file or poses")
+    if "poses" in content:
+        read = [known(scenes.pose_of(x, "along.poses")) for x in listing(content["poses"], "along.poses")]
     else:
-        path = job.reader.folder / scenes.word(said["file"], "along.file")
+        path = job.reader.folder / scenes.word(content["file"], "along.file")
         text = job.reader.files.read(f"poses {path.name}", path).decode("utf-8-sig")
         head, *lines = [x for x in csv.reader(text.splitlines(), strict=True) if x]
         names = [x.strip() for x in head]
@@ -212,7 +212,7 @@ def corner_after(job: Job, number: int) -> Corner | None:
         leg = leg_of(job, stage, job.corner)
         return Corner(stage.blend, link, leg.at[-1], leg.rotations[-1], leg.free, leg)
     goal: dict[str, Any]
-    targets = job.targets.goals(stage.said)
+    targets = job.targets.goals(stage.content)
     need(len(targets) == 1, "blend: a move to several goals, before a curve")
     (goal,) = targets
     if "joints" in goal:
@@ -258,7 +258,7 @@ def check_radius(job: Job, number: int, arm: dict[str, float]) -> None:
     """Reject a move that goes over into the next stage farther than its radius from where it would have ended: the link
     of the curve that follows, or that of its own pose, or the last one."""
     stage, goes = job.stages[number], job.stages[number + 1]
-    targets, here = job.targets.goals(stage.said), job.frames(arm)
+    targets, here = job.targets.goals(stage.content), job.frames(arm)
     poses = [pose for x in targets for pose in x.get("poses", [])]
     link = link_of(job, goes) if goes.curve else poses[0]["link"] if poses else job.targets.end_effector()
     away = []

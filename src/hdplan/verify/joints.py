@@ -28,9 +28,9 @@ def shapes_at(tree: Tree, base: str, moving: tuple[str, ...], held: tuple[tuple[
     """The shapes of all links, by link: its number there, where it is, and what the description says of it."""
     at, _ = links_at(tree, base, moving, held)
     return [
-        (link, i, {"joint": at[link][0], **scenes.frame(compose(at[link][1], own))}, kind, said)
+        (link, i, {"joint": at[link][0], **scenes.frame(compose(at[link][1], own))}, kind, sizes)
         for link in sorted(tree.elements)
-        for i, (own, kind, said) in enumerate(tree.shapes(link))
+        for i, (own, kind, sizes) in enumerate(tree.shapes(link))
     ]
 
 
@@ -69,13 +69,13 @@ class Joints:
         found = []
         for name in self.moving:
             joint, (parent, pose) = self.tree.joints[name], self.frames[name]
-            said = scenes.frame(pose)
-            said["off"] = max(said["off"], float(joint.axis.rad.max()))
+            placed = scenes.frame(pose)
+            placed["off"] = max(placed["off"], float(joint.axis.rad.max()))
             kind = "prismatic" if joint.kind == "prismatic" else "revolute"
             follows = self.rules.get(name)
             rule = None if follows is None else [self.moving.index(follows[0]), follows[1], follows[2]]
             along = {"axis": joint.axis.mid.tolist()}
-            found.append({"name": name, "parent": parent, "kind": kind, **said, **along, "follows": rule})
+            found.append({"name": name, "parent": parent, "kind": kind, **placed, **along, "follows": rule})
         return found
 
     def everywhere(self, lead: dict[str, float]) -> dict[str, float]:

@@ -326,8 +326,8 @@ def least_distances(world: World, head: dict[str, Any]) -> Any:
     """The distance (P,) that a proof claims for each pair; of obstacles with a clearance of their own at least that."""
     kinds = ("clearance", "self_clearance")
     claimed = {key: number(head[key], key) for key in kinds if head[key] is not None}
-    said = {kinds[int(x)] for x in np.unique(world.within)}
-    need(said == {*claimed} and min(claimed.values(), default=1.0) > 0, "clearances are missing, or not above 0")
+    found = {kinds[int(x)] for x in np.unique(world.within)}
+    need(found == {*claimed} and min(claimed.values(), default=1.0) > 0, "clearances are missing, or not above 0")
     usual = world.usual if "clearance" in head["claims"] else 0.0  # of obstacles without one of their own
     own = np.array([world.clearances.get(x.name, usual) * (x.kind == "obstacle") for x in world.pieces])
     between, beside = (claimed.get(key, 0.0) for key in reversed(kinds))
@@ -377,22 +377,22 @@ def check_outside(world: World, rows: Any, ways: Any) -> None:
             need(missed, f"{pieces[0].key} and {named[mesh].key}: ray {i} may meet the mesh, at row {row}")
 
 
-def proven_world(said: Any, head: dict[str, Any], cuts: dict[str, Any], trees: Trees) -> World:
+def proven_world(content: Any, head: dict[str, Any], cuts: dict[str, Any], trees: Trees) -> World:
     """The world whose bodies a proof keeps apart."""
-    world = World(said, cuts)
+    world = World(content, cuts)
     need({*cuts} <= {*world.parts}, "the proof divides what there is not")
     check_apart(world, head, trees)
     return world
 
 
-def accept(said: Any, proof: bytes) -> tuple[str, bool]:
+def accept(content: Any, proof: bytes) -> tuple[str, bool]:
     """The statement that a proof proves in a world, and whether that is all that the world wants. Raises RejectedError,
     which names leaf, pair and reason."""
     from .verdict import statement
 
     with rejecting():
         head, _, cuts, trees = unpack(proof)
-        return statement(proven_world(said, head, cuts, trees), head)
+        return statement(proven_world(content, head, cuts, trees), head)
 
 
 def main() -> int:

@@ -44,7 +44,7 @@ class Around(NamedTuple):
     words: str
 
 
-def staying(reader: Reader, name: str, said: dict[str, Any], centres: Ball, pose: Pose) -> Any:
+def staying(reader: Reader, name: str, section: dict[str, Any], centres: Ball, pose: Pose) -> Any:
     """Mask of an obstacle's balls that stay (m,): all but those that the proof has left out, which the scene must
     allow."""
     claimed = reader.claimed.seen(name)
@@ -54,7 +54,7 @@ def staying(reader: Reader, name: str, said: dict[str, Any], centres: Ball, pose
     if stay.all():
         return stay
     left = centres.mid[~stay] @ pose[0].mid.T + pose[1].mid
-    for margin, bodies, links, words in _around(reader, said, name):
+    for margin, bodies, links, words in _around(reader, section, name):
         count = len(left)
         for shape, turn, at in bodies:
             left = left[~_near((left - at) @ turn, shape, margin + BESIDE, links)]
@@ -85,14 +85,14 @@ def kept(centres: Any, claimed: Any) -> Any:
     return found
 
 
-def _around(reader: Reader, said: dict[str, Any], name: str) -> list[Around]:
+def _around(reader: Reader, section: dict[str, Any], name: str) -> list[Around]:
     """The bodies where the motion starts, with their margins."""
     robot, found = _robot_at_start(reader), list[Around]()
-    if said.get("ignore_robot"):
-        margin = scenes.one(said["ignore_robot"], f"{name}.ignore_robot")
+    if section.get("ignore_robot"):
+        margin = scenes.one(section["ignore_robot"], f"{name}.ignore_robot")
         every = [x for each in robot.values() for x in each]
         found.append(Around(margin, every, True, f"within {1e3 * margin:g} mm of the robot at the start"))
-    some = said.get("ignore") or []
+    some = section.get("ignore") or []
     for each in some if isinstance(some, list) else [some]:
         keys = mapping(each, f"{name}.ignore", "link obstacle margin")
         need(("link" in keys) != ("obstacle" in keys), f"{name}.ignore: a link or an obstacle")
@@ -113,22 +113,22 @@ def _robot_at_start(reader: Reader) -> dict[str, list[Placed]]:
     joints, top, found = reader.joints, reader.top, dict[str, list[Placed]]()
     start = Targets(joints, bool(top.get("from_request"))).target(top["start"], "start")
     at, shapes = joints.standing(dict(zip(joints.lead, start["joints"], strict=True)))
-    for link, i, place, kind, said in shapes:
+    for link, i, place, kind, sizes in shapes:
         turn, origin = np.array(place["rotation"]).reshape(3, 3), np.array(place["position"])
-        found.setdefault(link, []).append(Placed(reader.link_shape(link, i, kind, said), turn, origin))
-    for body, said in zip(reader.held_bodies()[0], listing(top.get("attached"), "attached"), strict=True):
-        turned, there = compose(at[said["link"]][1], scenes.pose_of(said.get("pose"), body["name"]))
+        found.setdefault(link, []).append(Placed(reader.link_shape(link, i, kind, sizes), turn, origin))
+    for body, entry in zip(reader.held_bodies()[0], listing(top.get("attached"), "attached"), strict=True):
+        turned, there = compose(at[entry["link"]][1], scenes.pose_of(entry.get("pose"), body["name"]))
         found[body["name"]] = [Placed(body["shape"], turned.mid, there.mid)]
     return found
 
 
 def _standing(reader: Reader, name: Any, what: str) -> Placed:
     """An obstacle with a shape of its own."""
-    for i, said in enumerate(listing(reader.top.get("obstacles"), "obstacles")):
-        if said.get("name", f"obstacle{i}") == name:
-            need("shape" in said and "motion" not in said, f"{what}: '{name}' has no shape, or moves")
-            shape = scenes.shape_of(said["shape"], name, reader.folder, reader.files, reader.claimed)
-            turn, at = scenes.pose_of(said.get("pose"), name)
+    for i, entry in enumerate(listing(reader.top.get("obstacles"), "obstacles")):
+        if entry.get("name", f"obstacle{i}") == name:
+            need("shape" in entry and "motion" not in entry, f"{what}: '{name}' has no shape, or moves")
+            shape = scenes.shape_of(entry["shape"], name, reader.folder, reader.files, reader.claimed)
+            turn, at = scenes.pose_of(entry.get("pose"), name)
             return Placed(shape, turn.mid, at.mid)
     raise RejectedError(f"{what}: there is no obstacle '{name}'")
 

@@ -35,14 +35,14 @@ def loads(top: dict[str, Any], joints: Joints) -> list[Any]:
             check_body(mass, about, f"link '{link}'")
         carry(link, mass, at, Ball(about))
     if (load := top.get("payload")) is not None:
-        said = mapping(load, "payload", "link mass com inertia")
-        mass, com = scenes.one(said.get("mass"), "payload"), values(said.get("com", [0.0] * 3), 3, "payload.com")
+        section = mapping(load, "payload", "link mass com inertia")
+        mass, com = scenes.one(section.get("mass"), "payload"), values(section.get("com", [0.0] * 3), 3, "payload.com")
         need(mass >= 0, "payload: a mass below 0")
-        six = values(said.get("inertia", [0.0] * 6), 6, "payload.inertia")
+        six = values(section.get("inertia", [0.0] * 6), 6, "payload.inertia")
         about = symmetric(six)
         check_body(mass, about, "payload")
-        need(said.get("link") in joints.at, "payload: its link is not known")
-        carry(said["link"], mass, (HERE[0], Ball(com)), Ball(about))
+        need(section.get("link") in joints.at, "payload: its link is not known")
+        carry(section["link"], mass, (HERE[0], Ball(com)), Ball(about))
     for i, entry in enumerate(listing(top.get("attached"), "attached")):
         if (weight := entry.get("mass")) is not None:
             mass, shape = scenes.one(weight, f"attached[{i}].mass"), entry["shape"]

@@ -53,34 +53,37 @@ def boxes_of(kind: str, value: Any, what: str, folder: Path, files: Files, claim
 
 def _voxels(value: Any, what: str, folder: Path, files: Files) -> tuple[Any, Any, Ball, Ball]:
     """Cells (x, y, z), the number of the first, a cell's edge and the place of the cell of number 0."""
-    said = mapping(value, what, VOXELS)
-    need(("file" in said) != ("occupied" in said), f"{what}: either file or occupied")
-    if "file" in said:
-        path = folder / scenes.word(said["file"], what)
+    section = mapping(value, what, VOXELS)
+    need(("file" in section) != ("occupied" in section), f"{what}: either file or occupied")
+    if "file" in section:
+        path = folder / scenes.word(section["file"], what)
         data = files.read(f"voxels {path.name}", path)
         need(path.suffix.lower() in (".npy", ".npz"), f"{what}: a grid of another kind")
         grid = images.table(path, data, "occupied")
     else:
-        grid = np.array(said["occupied"])
+        grid = np.array(section["occupied"])
         need(grid.dtype.kind in "biuf", f"{what}: cells of 0 and 1 are expected")
     need(grid.ndim == 3 and 0 < grid.size <= MOST_CELLS and np.isin(grid, (0, 1)).all(), f"{what}: cells of 0 and 1")
     need(grid.any(), f"{what}: holds no occupied cell")
-    edge, at = scenes.one(said.get("size"), f"{what}.size"), values(said.get("origin", [0.0] * 3), 3, f"{what}.origin")
+    edge, at = (
+        scenes.one(section.get("size"), f"{what}.size"),
+        values(section.get("origin", [0.0] * 3), 3, f"{what}.origin"),
+    )
     need(edge > 0, f"{what}.size: above 0")
     return grid != 0, np.zeros(3, dtype=np.int64), Ball(edge, EPS * edge), Ball(at, EPS * np.abs(at))
 
 
 def _octomap(value: Any, what: str, folder: Path, files: Files) -> tuple[Any, Any, Ball, Ball]:
     """As `_voxels`, of the leaves of a tree; what it does not know is free, or occupied in the box of all it knows."""
-    said = mapping(value, what, OCTOMAP)
-    need(("file" in said) != ("content" in said), f"{what}: either file or content")
-    unknown = said.get("unknown", "free")
+    section = mapping(value, what, OCTOMAP)
+    need(("file" in section) != ("content" in section), f"{what}: either file or content")
+    unknown = section.get("unknown", "free")
     need(unknown in ("free", "occupied"), f"{what}.unknown: free or occupied")
-    if "file" in said:
-        path = folder / scenes.word(said["file"], what)
+    if "file" in section:
+        path = folder / scenes.word(section["file"], what)
         data = files.read(f"octomap {path.name}", path)
     else:
-        data = base64.b64decode(scenes.word(said["content"], what), validate=True)
+        data = base64.b64decode(scenes.word(section["content"], what), validate=True)
     head, mark, tree = data.partition(b"\ndata\n")
     first, *lines = head.decode("ascii").split("\n")
     need(mark and first.strip().encode() in (BINARY, FULL), f"{what}: is no octomap")

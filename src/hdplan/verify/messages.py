@@ -62,12 +62,12 @@ def message_of(data: bytes) -> Any:
 def fields(value: Any, message: str, what: str) -> dict[str, Any]:
     """The fields of a message that are given."""
     marked = MESSAGES[message]
-    said = mapping(value, what, marked.replace("!", "").replace("~", ""))
+    section = mapping(value, what, marked.replace("!", "").replace("~", ""))
     for mark in [x for x in marked.split() if x[-1] in "!~"]:
-        item = said.get(mark[:-1])
+        item = section.get(mark[:-1])
         need(mark[-1] == "~" or not filled(item), f"{what}.{mark[:-1]}: cannot be checked")
         need(mark[-1] == "!" or zero(item), f"{what}.{mark[:-1]}: is not 0")
-    return said
+    return section
 
 
 def filled(value: Any) -> bool:
@@ -103,24 +103,24 @@ def words(value: Any, what: str) -> list[str]:
 def vector(value: Any, what: str, parts: str = "x y z") -> list[float]:
     """A vector or quaternion, as a list or as a mapping of its parts, of which x, y and z are 0 if they are missing."""
     if isinstance(value, dict):
-        said = mapping(value, what, parts)
-        need("w" in said or "w" not in parts, f"{what}: has no w, which is 0 in ROS 1 and 1 in ROS 2")
-        value = [said.get(x, 0.0) for x in parts.split()]
+        section = mapping(value, what, parts)
+        need("w" in section or "w" not in parts, f"{what}: has no w, which is 0 in ROS 1 and 1 in ROS 2")
+        value = [section.get(x, 0.0) for x in parts.split()]
     return numbers(value, len(parts.split()), what)
 
 
 def pose(value: Any, what: str, message: str = "Pose") -> Pose:
     """The pose of a message, or a Transform; what is missing is 0."""
-    said = fields({} if value is None else value, message, what)
-    place, turn = (said.get(x) for x in MESSAGES[message].split())
+    section = fields({} if value is None else value, message, what)
+    place, turn = (section.get(x) for x in MESSAGES[message].split())
     found: dict[str, Any] = {} if place is None else {"position": vector(place, what)}
     return pose_of(found | ({} if turn is None else {"quaternion_xyzw": vector(turn, what, "x y z w")}), what)
 
 
 def solid(value: Any, what: str) -> dict[str, Any]:
     """A primitive as a scene has it."""
-    said = fields(value, "SolidPrimitive", what)
-    kind, sizes = said.get("type"), numbers(said.get("dimensions"), None, what)
+    section = fields(value, "SolidPrimitive", what)
+    kind, sizes = section.get("type"), numbers(section.get("dimensions"), None, what)
     kind = SOLIDS.get(kind) if type(kind) is int else kind
     need((kind, len(sizes)) in (("box", 3), ("sphere", 1), ("cylinder", 2)), f"{what}: no box, sphere or cylinder")
     need(min(sizes) > 0, f"{what}: a size is not above 0")
@@ -129,10 +129,10 @@ def solid(value: Any, what: str) -> dict[str, Any]:
     return {"type": kind, "radius": sizes[-1], **({"length": sizes[0]} if kind == "cylinder" else {})}
 
 
-def solids(said: dict[str, Any], what: str) -> list[tuple[dict[str, Any], Pose]]:
+def solids(section: dict[str, Any], what: str) -> list[tuple[dict[str, Any], Pose]]:
     """Primitives with their poses, of which there are as many, or none."""
-    shapes = [solid(x, what) for x in listing(said.get("primitives"), what)]
-    poses = [pose(x, what) for x in listing(said.get("primitive_poses"), what)]
+    shapes = [solid(x, what) for x in listing(section.get("primitives"), what)]
+    poses = [pose(x, what) for x in listing(section.get("primitive_poses"), what)]
     need(len(poses) in (0, len(shapes)), f"{what}: has other poses than primitives")
     return list(zip(shapes, poses or [HERE] * len(shapes), strict=True))
 
@@ -156,9 +156,9 @@ class Frames:
             self.poses.pop("world", None)  # a link of this name is elsewhere
         for i, entry in enumerate(listing(transforms, "fixed_frame_transforms")):
             what = f"fixed_frame_transforms[{i}]"
-            said = fields(entry, "TransformStamped", what)
-            place = compose(self.of(said.get("header"), what), pose(said.get("transform"), what, "Transform"))
-            name = str(said.get("child_frame_id", "")).removeprefix("/")
+            section = fields(entry, "TransformStamped", what)
+            place = compose(self.of(section.get("header"), what), pose(section.get("transform"), what, "Transform"))
+            name = str(section.get("child_frame_id", "")).removeprefix("/")
             need(name not in self.moving, f"{what}: '{name}' moves with the robot")
             need(same(self.poses.setdefault(name, place), place), f"{what}: '{name}' has another pose already")
 

@@ -24,20 +24,23 @@ class Rows:
 
     def __init__(self, path: Path, data: bytes) -> None:
         need(path.suffix.lower() in KINDS, f"{path}: motions of this kind cannot be checked (json and csv can)")
-        said: Any = self._json(path, data) if path.suffix.lower() == ".json" else self._csv(path, data)
-        self.path, self.locked = path, mapping(said.get("locked") or {}, "locked", " ".join(said.get("locked") or {}))
-        self.names: Any = said.get("joint_names")
+        content: Any = self._json(path, data) if path.suffix.lower() == ".json" else self._csv(path, data)
+        self.path, self.locked = (
+            path,
+            mapping(content.get("locked") or {}, "locked", " ".join(content.get("locked") or {})),
+        )
+        self.names: Any = content.get("joint_names")
         need(type(self.names) is list and all(type(x) is str for x in self.names), f"{path}: joint_names")
         need(len({*self.names}) == len(self.names) > 0, f"{path}: a joint appears twice, or there is none")
-        given = [said[key] for key in RATES if said.get(key) is not None]
+        given = [content[key] for key in RATES if content.get(key) is not None]
         need(all(type(x) is list and all(type(y) is list for y in x) for x in given), f"{path}: lists of rows")
         self.given = [np.array([values(x, len(self.names), RATES[i]) for x in rows]) for i, rows in enumerate(given)]
-        self.times, self.stages = said.get("times"), said.get("stages")
-        rated = [said.get(x) is not None for x in ("times", *RATES[1:])]
-        need(said.get("positions") is not None, f"{path}: has no positions")  # else rates would stand for them
+        self.times, self.stages = content.get("times"), content.get("stages")
+        rated = [content.get(x) is not None for x in ("times", *RATES[1:])]
+        need(content.get("positions") is not None, f"{path}: has no positions")  # else rates would stand for them
         need(sorted(rated, reverse=True) == rated, f"{path}: velocities need times, accelerations need velocities")
         self.rule = ("", "linear", "cubic", "quintic")[len(self.given)]
-        need(said.get("interpolation", self.rule) == self.rule, f"{path}: its interpolation is not that of its rows")
+        need(content.get("interpolation", self.rule) == self.rule, f"{path}: its interpolation is not that of its rows")
 
     def between(self, first: int, last: int) -> Rows:
         """The rows from one to another, both with them."""
@@ -76,9 +79,9 @@ class Rows:
     @staticmethod
     def _json(path: Path, data: bytes) -> dict[str, Any]:
         keys = f"hdplan_trajectory joint_names interpolation locked times stages verdict steps {' '.join(RATES)}"
-        said = mapping(loads(data), str(path), keys)
-        need(said.get("hdplan_trajectory") == 1, f"{path}: not a hdplan trajectory, version 1")
-        return said
+        content = mapping(loads(data), str(path), keys)
+        need(content.get("hdplan_trajectory") == 1, f"{path}: not a hdplan trajectory, version 1")
+        return content
 
     @staticmethod
     def _csv(path: Path, data: bytes) -> dict[str, Any]:
@@ -89,12 +92,12 @@ class Rows:
         columns = unique([(x, [*map(float, each)]) for x, each in zip(head, zip(*cells, strict=True), strict=True)])
         ends = ("", ".velocity", ".acceleration")
         names = [x for x in columns if x != "time" and not x.endswith(ends[1:])]
-        said: dict[str, Any] = {"joint_names": names} | ({"times": columns.pop("time")} if "time" in columns else {})
+        content: dict[str, Any] = {"joint_names": names} | ({"times": columns.pop("time")} if "time" in columns else {})
         for rate, end in zip(RATES, ends, strict=True):
             if any(x.endswith(end) for x in columns):
-                said[rate] = [list(x) for x in zip(*(columns.pop(name + end) for name in names), strict=True)]
+                content[rate] = [list(x) for x in zip(*(columns.pop(name + end) for name in names), strict=True)]
         need(not columns, f"{path}: columns of other kinds, {', '.join(columns)}")
-        return said
+        return content
 
     def of(self, joints: list[Any], held: dict[str, float]) -> dict[str, Any]:
         """The motion of a world with these joints; those that are held, or that follow, must be there where the file

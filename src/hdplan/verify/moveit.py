@@ -29,15 +29,15 @@ def sections(scene: Any, request: Any, spec: dict[str, Any], tree: Tree, semanti
     """The sections of a scene that the two messages mean, for the robot of a `robot` section."""
     at, _ = links_at(tree, json.dumps(spec.get("base")), (*tree.movable,), ())
     found = sections_around(scene, request, spec, at, {*tree.joints}, tree.solid)
-    asked = fields(request, "MotionPlanRequest", "request")
-    spec = dict(spec, group=_group(asked.get("group_name", ""), spec, tree, semantics))
+    plan_request = fields(request, "MotionPlanRequest", "request")
+    spec = dict(spec, group=_group(plan_request.get("group_name", ""), spec, tree, semantics))
     model, stated, _ = found["matrix"]
     if model in ("", spec.get("name") or tree.stem, tree.name):  # of another robot the links have other shapes
         left = [{*x} for x in listing(spec.get("ignore_pairs"), "robot.ignore_pairs")]
         more = [x for x in stated if {*x} not in left]
         spec["check_pairs"] = [*listing(spec.get("check_pairs"), "robot.check_pairs"), *more]
         found["matrix"] = "", *found["matrix"][1:]
-    return {**found, "robot": spec, "limits": _limits(asked, tree, "velocity" in found["start"])}
+    return {**found, "robot": spec, "limits": _limits(plan_request, tree, "velocity" in found["start"])}
 
 
 def sections_around(
@@ -51,15 +51,17 @@ def sections_around(
     """Sections that need no more of the robot than where its links are, which have collision geometry, and the
     names of its joints; `matrix` has the robot's name, and the pairs of links that the allowed collision matrix tells
     to compare, and those of which it says nothing, which MoveIt compares, too."""
-    around, asked = fields(scene, "PlanningScene", "scene"), fields(request, "MotionPlanRequest", "request")
+    around, plan_request = fields(scene, "PlanningScene", "scene"), fields(request, "MotionPlanRequest", "request")
     for key in ("pipeline_id", "planner_id"):
-        need(not PRESCRIBED.search(str(asked.get(key, ""))), f"request.{key}: prescribes the shape of the motion")
-    bounded = filled(asked.get("workspace_parameters")) and spec.get("base_joints") is not None
+        need(
+            not PRESCRIBED.search(str(plan_request.get(key, ""))), f"request.{key}: prescribes the shape of the motion"
+        )
+    bounded = filled(plan_request.get("workspace_parameters")) and spec.get("base_joints") is not None
     need(not bounded, "request.workspace_parameters: bounds the mobile base, as robot.base_joints do")
     base = scenes.pose_of(spec.get("base"), "robot.base")
     frames = Frames(at, joints, around.get("fixed_frame_transforms"))
     margin = _margin(around, {*at}, solid)
-    states = (around.get("robot_state"), "scene.robot_state"), (asked.get("start_state"), "request.start_state")
+    states = (around.get("robot_state"), "scene.robot_state"), (plan_request.get("start_state"), "request.start_state")
     start, speeds, held = dict[str, float](), dict[str, float](), dict[str, Any]()
     for state, what in states:
         placed_at, rates = _state(state, frames, base, what)
@@ -78,28 +80,28 @@ def sections_around(
         "obstacles": [{**x, "clearance": margin} if margin else x for x in standing],
         "attached": [x for each in held.values() for x in each],
         "start": {"joints": start, **({"velocity": speeds} if moves else {})},
-        "goal": goal_of(asked.get("goal_constraints"), frames),
+        "goal": goal_of(plan_request.get("goal_constraints"), frames),
         "from_request": True,
-        "limits": _limits(asked, None, moves),
-        "path": path_of(asked.get("path_constraints"), frames),
+        "limits": _limits(plan_request, None, moves),
+        "path": path_of(plan_request.get("path_constraints"), frames),
     }
 
 
-def _group(asked: Any, spec: dict[str, Any], tree: Tree, semantics: Semantics) -> Any:
+def _group(requested: Any, spec: dict[str, Any], tree: Tree, semantics: Semantics) -> Any:
     """The group that is planned: the request's, if the SRDF has any."""
     own = spec.get("group")
-    if asked == "" or not semantics.groups:
+    if requested == "" or not semantics.groups:
         return own
-    name = semantics.group(scenes.word(asked, "request.group_name"), (spec.get("name") or tree.stem, tree.name))
+    name = semantics.group(scenes.word(requested, "request.group_name"), (spec.get("name") or tree.stem, tree.name))
     mine = semantics.group(own, (spec.get("name") or tree.stem, tree.name)) if type(own) is str else own
     need(mine in (None, name), f"request.group_name: '{name}' is not that of the robot's own section")
     return name
 
 
-def _limits(asked: dict[str, Any], tree: Tree | None, moves: bool) -> dict[str, Any]:
+def _limits(plan_request: dict[str, Any], tree: Tree | None, moves: bool) -> dict[str, Any]:
     """The limits that the scaling factors mean, of which 0 is one that is not set; a robot that `moves` has some."""
     keys = [f"max_{x}_scaling_factor" for x in ("velocity", "acceleration")]
-    slower, softer = (number(asked.get(x, 0.0), f"request.{x}", 0.0, 1.0) or 1.0 for x in keys)
+    slower, softer = (number(plan_request.get(x, 0.0), f"request.{x}", 0.0, 1.0) or 1.0 for x in keys)
     if slower == softer == 1 and not moves:
         return {}
     if tree is None:  # of a robot whose limits are not read
@@ -117,14 +119,14 @@ def _limits(asked: dict[str, Any], tree: Tree | None, moves: bool) -> dict[str, 
 
 def _standing(value: Any, frames: Frames) -> list[dict[str, Any]]:
     """Obstacles, as a scene lists them."""
-    said = fields({} if value is None else value, "PlanningSceneWorld", "world")
+    section = fields({} if value is None else value, "PlanningSceneWorld", "world")
     found = []
-    for i, entry in enumerate(listing(said.get("collision_objects"), "world.collision_objects")):
+    for i, entry in enumerate(listing(section.get("collision_objects"), "world.collision_objects")):
         what = f"world.collision_objects[{i}]"
         place = frames.of(fields(entry, "CollisionObject", what).get("header"), what)
         found += (own := _bodies(entry, place, f"obstacle{i}", what))
         frames.things.add(own[0]["name"])
-    octomap = fields(said.get("octomap", {}), "OctomapWithPose", "octomap")
+    octomap = fields(section.get("octomap", {}), "OctomapWithPose", "octomap")
     content = fields(octomap.get("octomap", {}), "Octomap", "octomap")
     if content.get("data"):
         place = frames.of(octomap.get("header"), "octomap")
@@ -136,12 +138,12 @@ def _standing(value: Any, frames: Frames) -> list[dict[str, Any]]:
 
 def _bodies(value: Any, place: Pose, usual: str, what: str) -> list[dict[str, Any]]:
     """The primitives of an object, by its name, the others than the first with their numbers."""
-    said = fields(value, "CollisionObject", what)
-    operation = said.get("operation", 0)
+    section = fields(value, "CollisionObject", what)
+    operation = section.get("operation", 0)
     need(type(operation) is int and operation == 0, f"{what}.operation: is not 0 (ADD)")
-    name = usual if said.get("id", "") == "" else scenes.word(said["id"], what)
-    place = compose(place, pose(said.get("pose"), what))
-    shapes = solids(said, what)
+    name = usual if section.get("id", "") == "" else scenes.word(section["id"], what)
+    place = compose(place, pose(section.get("pose"), what))
+    shapes = solids(section, what)
     need(shapes, f"{what}: has no shape")
     names = [f"{name}/{i}" if i else name for i in range(len(shapes))]
     return [{"name": x, "shape": y, "pose": compose(place, z)} for x, (y, z) in zip(names, shapes, strict=True)]
@@ -150,13 +152,13 @@ def _bodies(value: Any, place: Pose, usual: str, what: str) -> list[dict[str, An
 def _margin(around: dict[str, Any], links: set[str], solid: set[str]) -> float:
     """The clearance to every obstacle that paddings of links mean, the same for all with collision geometry."""
     for entry in listing(around.get("link_scale"), "link_scale"):
-        said = fields(entry, "LinkScale", "link_scale")
-        need(number(said.get("scale"), "link_scale") == 1 and "link_name" in said, "link_scale: is not 1")
+        section = fields(entry, "LinkScale", "link_scale")
+        need(number(section.get("scale"), "link_scale") == 1 and "link_name" in section, "link_scale: is not 1")
     found = dict[str, float]()
     for entry in listing(around.get("link_padding"), "link_padding"):
-        said = fields(entry, "LinkPadding", "link_padding")
-        link = scenes.word(said.get("link_name"), "link_padding")
-        size = number(said.get("padding"), f"link_padding of '{link}'", 0.0, 1.0)
+        section = fields(entry, "LinkPadding", "link_padding")
+        link = scenes.word(section.get("link_name"), "link_padding")
+        size = number(section.get("padding"), f"link_padding of '{link}'", 0.0, 1.0)
         need(found.setdefault(link, size) == size, f"link_padding: '{link}' has two")
         need(link in links or not size, f"link_padding: there is no link '{link}'")
     sizes = {found.get(link, 0.0) for link in solid}
@@ -166,9 +168,9 @@ def _margin(around: dict[str, Any], links: set[str], solid: set[str]) -> float:
 
 def _held(state: Any, where: str) -> dict[str, list[dict[str, Any]]]:
     """Held objects, by name."""
-    said = fields({} if state is None else state, "RobotState", where)
+    section = fields({} if state is None else state, "RobotState", where)
     found = dict[str, Any]()
-    for i, entry in enumerate(listing(said.get("attached_collision_objects"), where)):
+    for i, entry in enumerate(listing(section.get("attached_collision_objects"), where)):
         what = f"{where.partition('.')[2]}.attached_collision_objects[{i}]"
         own = fields(entry, "AttachedCollisionObject", what)
         link, thing = scenes.word(own.get("link_name"), what), fields(own.get("object"), "CollisionObject", what)
@@ -183,14 +185,14 @@ def _held(state: Any, where: str) -> dict[str, list[dict[str, Any]]]:
 
 def _state(state: Any, frames: Frames, base: Pose, what: str) -> tuple[dict[str, float], dict[str, float]]:
     """The values and the velocities of the joints of a robot that stands at its base, or at the world's origin."""
-    said = fields({} if state is None else state, "RobotState", what)
-    need(type(said.get("is_diff", False)) is bool, f"{what}.is_diff: true or false is expected")
-    floating = fields(said.get("multi_dof_joint_state", {}), "MultiDOFJointState", what)
+    section = fields({} if state is None else state, "RobotState", what)
+    need(type(section.get("is_diff", False)) is bool, f"{what}.is_diff: true or false is expected")
+    floating = fields(section.get("multi_dof_joint_state", {}), "MultiDOFJointState", what)
     fields(floating.get("header", {}), "Header", what)
     for entry in listing(floating.get("transforms"), what):
         place = compose(frames.of(floating.get("header"), what), pose(entry, what, "Transform"))
         need(same(place, HERE) or same(place, base), f"{what}: moves the robot's base")
-    joints = fields(said.get("joint_state", {}), "JointState", what)
+    joints = fields(section.get("joint_state", {}), "JointState", what)
     fields(joints.get("header", {}), "Header", what)
     names, at = words(joints.get("name"), what), numbers(joints.get("position"), None, what)
     need(len({*names}) == len(names) == len(at), f"{what}: a joint appears twice, or has no position")
@@ -203,17 +205,17 @@ def _state(state: Any, frames: Frames, base: Pose, what: str) -> tuple[dict[str,
 def _compared(value: Any, solid: set[str]) -> tuple[list[list[str]], list[list[str]]]:
     """The pairs of links that an allowed collision matrix tells to compare, by their entry, or else by their defaults;
     of two that differ, the one that compares counts. And the pairs of which it says nothing, if it says anything."""
-    said = fields({} if value is None else value, "AllowedCollisionMatrix", "allowed_collision_matrix")
+    section = fields({} if value is None else value, "AllowedCollisionMatrix", "allowed_collision_matrix")
     entries, defaults = dict[frozenset[str], bool](), dict[str, bool]()
-    names, rows = (listing(said.get(f"entry_{x}"), "allowed_collision_matrix") for x in ("names", "values"))
+    names, rows = (listing(section.get(f"entry_{x}"), "allowed_collision_matrix") for x in ("names", "values"))
     need(len(names) == len(rows), "allowed_collision_matrix: has other rows than names")
     for name, row in zip(words(names, "entry_names"), rows, strict=True):
         cells = fields(row, "AllowedCollisionEntry", "entry_values").get("enabled") if isinstance(row, dict) else row
         for other, free in zip(names, _booleans(cells, len(names)), strict=True):
             pair = frozenset((name, other))
             entries[pair] = free and entries.get(pair, True)
-    usual = words(said.get("default_entry_names"), "default_entry_names")
-    for name, free in zip(usual, _booleans(said.get("default_entry_values"), len(usual)), strict=True):
+    usual = words(section.get("default_entry_names"), "default_entry_names")
+    for name, free in zip(usual, _booleans(section.get("default_entry_values"), len(usual)), strict=True):
         defaults[name] = free and defaults.get(name, True)
     stated, unstated = list[list[str]](), list[list[str]]()
     for one in sorted(solid):

@@ -38,8 +38,8 @@ def joints_of(motion: dict[str, Any], rows: Any, name: str) -> tuple[list[Any], 
     joints = []
     for i, (kind, way, span, values) in enumerate(ways):
         off = float(max(way.rad.max(), values.rad.max()))
-        said = {"way": way.mid.tolist(), "times": span, "values": values.mid.tolist(), "off": off}
-        joints.append({"name": name, "parent": i - 1, "kind": kind, **said})
+        law = {"way": way.mid.tolist(), "times": span, "values": values.mid.tolist(), "off": off}
+        joints.append({"name": name, "parent": i - 1, "kind": kind, **law})
     return joints, (first, Ball(np.zeros(3)))
 
 

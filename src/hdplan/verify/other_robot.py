@@ -37,7 +37,7 @@ class OtherRobot:
         self.lead = [x for x in self.moving if x not in rules]
         self.held = dict(claimed["held"])
         self.movable = [*self.moving, *self.held]
-        links = placed([(f"links.{link}", said) for link, said in claimed["links"].items()], "joint")
+        links = placed([(f"links.{link}", entry) for link, entry in claimed["links"].items()], "joint")
         self.at: dict[str, tuple[int, Pose]] = dict(zip(claimed["links"], links, strict=True))
         self.bodies = [x for x in claimed["bodies"] if x["kind"] == "link"]
         self.links, self.solid = [*self.at], {x["name"] for x in self.bodies}

@@ -15,7 +15,7 @@ def not_compared(joints: Joints, bodies: list[Any], touching: set[frozenset[str]
     """Every pair of links and held objects that need not be kept apart, with its reason; `touching`: held objects and
     the links that they may touch; `off`: links are not checked against each other."""
     kinds = {x["name"]: (x["kind"], x["joint"]) for x in bodies}
-    said = {key: _named(joints, key) for key in ("ignore_pairs", "check_pairs")}
+    stated = {key: _named(joints, key) for key in ("ignore_pairs", "check_pairs")}
     found, listed = [], sorted(kinds)
     for i, one in enumerate(listed):
         for two in listed[i + 1 :]:
@@ -23,7 +23,7 @@ def not_compared(joints: Joints, bodies: list[Any], touching: set[frozenset[str]
             if off or a == b:
                 reason: str | None = "self_collision: false" if off else "moving as one"
             else:
-                reason = _of_links(joints, one, two, said) if kind == other == "link" else None
+                reason = _of_links(joints, one, two, stated) if kind == other == "link" else None
                 reason = reason or ("touch_links" if pair in touching else None)
             found += [[one, two, reason]] * bool(reason)
     return found
@@ -33,8 +33,8 @@ def check_left_out(robot: OtherRobot, touching: set[frozenset[str]], off: bool) 
     """Reject pairs that the world of a proof leaves out by a word of the scene's that is not there."""
     there = {"touch_links": touching, "robot.ignore_pairs": _named(robot, "ignore_pairs")}
     for one, two, reason in robot.claimed["not_compared"]:
-        said = off if reason == "self_collision: false" else frozenset((one, two)) in there.get(reason, [{one, two}])
-        need(said, f"{one} and {two}: are left out by {reason}, which does not name them")
+        named = off if reason == "self_collision: false" else frozenset((one, two)) in there.get(reason, [{one, two}])
+        need(named, f"{one} and {two}: are left out by {reason}, which does not name them")
 
 
 def _named(joints: Joints | OtherRobot, key: str) -> set[frozenset[str]]:
@@ -45,12 +45,12 @@ def _named(joints: Joints | OtherRobot, key: str) -> set[frozenset[str]]:
     return {frozenset(x) for x in pairs}
 
 
-def _of_links(joints: Joints, one: str, two: str, said: dict[str, set[frozenset[str]]]) -> str | None:
+def _of_links(joints: Joints, one: str, two: str, stated: dict[str, set[frozenset[str]]]) -> str | None:
     """Why two links that do not move as one need not be kept apart; None if they must be."""
     pair, tree = frozenset((one, two)), joints.tree
-    if pair in said["check_pairs"]:
+    if pair in stated["check_pairs"]:
         return None
-    if pair in said["ignore_pairs"]:
+    if pair in stated["ignore_pairs"]:
         return "robot.ignore_pairs"
     if pair in joints.semantics.disabled:
         return "the SRDF"

@@ -97,16 +97,16 @@ class Reader:
         words = self.files.read("srdf", srdf) if srdf else b"<robot/>"
         self.joints: Any = None
         around: Any = None
-        asked: Any = None
+        plan_request: Any = None
         if request is not None:
             around = exported(data) if scene.suffix.lower() == ENDING else message_of(data)
-            asked = message_of(self.files.read("request", request))
+            plan_request = message_of(self.files.read("request", request))
         if urdf.suffix.lower() in DESCRIPTIONS[1:]:
             self.claimed.taken[f"the robot ({named(urdf.name)}) with its limits and the pairs left out"] = None
             self.joints = OtherRobot(claimed, spec)
             if request is not None:
                 self.top = sections_around(
-                    around, asked, spec, self.joints.at, {*self.joints.movable}, self.joints.solid
+                    around, plan_request, spec, self.joints.at, {*self.joints.movable}, self.joints.solid
                 )
             return
         need(not spec.get("xacro_args"), "robot.xacro_args: the file is no xacro")
@@ -115,7 +115,7 @@ class Reader:
         tree = tree_of(urdf, description, base)
         semantics = semantics_of(words, tree)
         if request is not None:
-            self.top = sections(around, asked, spec, tree, semantics)
+            self.top = sections(around, plan_request, spec, tree, semantics)
             spec = self.top["robot"]
         self.joints = Joints(spec, self.top["start"], tree, semantics)
 
@@ -129,21 +129,23 @@ class Reader:
     def link_bodies(self) -> list[Any]:
         """The collision geometry of all links."""
         return [
-            {"name": link, "kind": "link", **place, "shape": self.link_shape(link, i, kind, said)}
-            for link, i, place, kind, said in self.joints.shapes
+            {"name": link, "kind": "link", **place, "shape": self.link_shape(link, i, kind, attributes)}
+            for link, i, place, kind, attributes in self.joints.shapes
         ]
 
-    def link_shape(self, link: str, number: int, kind: str, said: dict[str, str]) -> dict[str, Any]:
+    def link_shape(self, link: str, number: int, kind: str, attributes: dict[str, str]) -> dict[str, Any]:
         """A shape of a link as a world has it."""
         where = f"link '{link}'"
         if kind == "mesh":
-            scale = row(said.get("scale", "1 1 1"), 3, where)
+            scale = row(attributes.get("scale", "1 1 1"), 3, where)
             need(scale.all(), f"{where}: a mesh of scale 0")
-            path = self.robot.mesh(said.get("filename", ""), where)
+            path = self.robot.mesh(attributes.get("filename", ""), where)
             body = (link, number, f"link {named(link)}")
             return scenes.mesh_of(path, scale, self.files, self.claimed, body, upright=False)
-        sizes: dict[str, Any] = {x: float(row(y, 1, where)[0]) for x, y in said.items() if x in ("radius", "length")}
-        sizes |= {x: row(y, 3, where).tolist() for x, y in said.items() if x in ("size", "radii")}
+        sizes: dict[str, Any] = {
+            x: float(row(y, 1, where)[0]) for x, y in attributes.items() if x in ("radius", "length")
+        }
+        sizes |= {x: row(y, 3, where).tolist() for x, y in attributes.items() if x in ("size", "radii")}
         need(np.hstack([*sizes.values(), 1]).min() > 0, f"{where}: a size is not above 0")
         return scenes.solid(kind, sizes)
 
@@ -220,16 +222,16 @@ class Reader:
         held, touching, at = list[Any](), set[frozenset[str]](), self.joints.at
         entries = listing(self.top.get("attached"), "attached")
         every = [mapping(x, f"attached[{i}]", "name link shape pose touch_links mass") for i, x in enumerate(entries)]
-        others = {scenes.word(said.get("name", f"attached{i}"), f"attached[{i}]") for i, said in enumerate(every)}
-        for i, said in enumerate(every):
+        others = {scenes.word(entry.get("name", f"attached{i}"), f"attached[{i}]") for i, entry in enumerate(every)}
+        for i, entry in enumerate(every):
             what = f"attached[{i}]"
-            name, link = scenes.word(said.get("name", f"attached{i}"), what), scenes.word(said.get("link"), what)
+            name, link = scenes.word(entry.get("name", f"attached{i}"), what), scenes.word(entry.get("link"), what)
             need(link in at and name not in at, f"{what}: its link is not known, or its name is taken")
             joint, pose = at[link]
-            pose = compose(pose, scenes.pose_of(said.get("pose"), what))
-            shape = scenes.shape_of(said.get("shape"), name, self.folder, self.files, self.claimed)
+            pose = compose(pose, scenes.pose_of(entry.get("pose"), what))
+            shape = scenes.shape_of(entry.get("shape"), name, self.folder, self.files, self.claimed)
             held.append({"name": name, "kind": "held", "joint": joint, **scenes.frame(pose), "shape": shape})
-            near = listing(said.get("touch_links"), what)
+            near = listing(entry.get("touch_links"), what)
             need(all(x in at or x in others for x in near), f"{what}: touch_links: names a link that there is not")
             touching |= {frozenset((name, x)) for x in near}
         return held, touching
@@ -289,12 +291,12 @@ class Reader:
         found = [[one, two] for one, two, why in left_out if why != "moving as one" and [one, two] in claimed]
         words = ", ".join("-".join(map(named, pair)) for pair in found)
         of = f" of the robot {named(whose)}" if whose else ""
-        said = [*self.left_out]
-        said += [f"not compared, although MoveIt's allowed collision matrix{of} does: {words}"] * bool(found)
+        notes = [*self.left_out]
+        notes += [f"not compared, although MoveIt's allowed collision matrix{of} does: {words}"] * bool(found)
         times, rate = world["motion"]["times"], self.top.get("timing", {}).get("rate")
         gap = max(np.diff(times), default=0.0) if times else np.inf
         if rate is not None and not gap * scenes.one(rate, "timing.rate") <= 1 + ROUNDING:
-            said.append(
+            notes.append(
                 f"not kept, timing.rate: rows are up to {float(gap)!r} s apart, {rate!r} in a second are required"
             )
         light = [
@@ -302,5 +304,5 @@ class Reader:
             for i, x in enumerate(listing(self.top.get("attached"), "attached"))
             if "torque" in world["limits"] and x.get("mass") is None and self.joints.at[x["link"]][0] >= 0
         ]
-        said += [f"torques do not include a mass of {', '.join(light)}, as none is given"] * bool(light)
-        return tuple(said)
+        notes += [f"torques do not include a mass of {', '.join(light)}, as none is given"] * bool(light)
+        return tuple(notes)

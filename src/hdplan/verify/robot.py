@@ -52,8 +52,8 @@ def origin(element: Any, where: str) -> Pose:
     at = element.find("origin")
     if at is None:
         return HERE
-    said = attributes(at, where, "xyz rpy")
-    turn, place = (row(said.get(key, "0 0 0"), 3, f"{where}: origin") for key in ("rpy", "xyz"))
+    written = attributes(at, where, "xyz rpy")
+    turn, place = (row(written.get(key, "0 0 0"), 3, f"{where}: origin") for key in ("rpy", "xyz"))
     return rpy(turn), decimal(place)
 
 
@@ -127,19 +127,19 @@ class Tree:
         need({*ends} <= {*self.elements}, f"{where}: is of a link that there is not")
         along = np.array([1.0, 0.0, 0.0])
         if part["axis"] is not None and each.get("type") != "fixed":
-            said = attributes(part["axis"], where, "xyz rpy")
-            need(not np.any(row(said.get("rpy", "0 0 0"), 3, where)), f"{where}: an axis with rpy")
-            along = row(said.get("xyz"), 3, f"{where}: axis")  # URDF's default is for a joint without this element
+            written = attributes(part["axis"], where, "xyz rpy")
+            need(not np.any(row(written.get("rpy", "0 0 0"), 3, where)), f"{where}: an axis with rpy")
+            along = row(written.get("xyz"), 3, f"{where}: axis")  # URDF's default is for a joint without this element
         limit, mimic = part["limit"], None
         most = dict.fromkeys(("lower", "upper", "effort", "velocity"), 0.0)
         if limit is not None:
-            said = attributes(limit, where, f"{' '.join(most)} {LIMIT} {{http://drake.mit.edu}}acceleration")
-            most = {key: number(said.get(key, "0"), f"{where}: limit") for key in most}
+            written = attributes(limit, where, f"{' '.join(most)} {LIMIT} {{http://drake.mit.edu}}acceleration")
+            most = {key: number(written.get(key, "0"), f"{where}: limit") for key in most}
         need(limit is not None or each.get("type") in ("continuous", "fixed"), f"{where}: has no limit")
         if part["mimic"] is not None:
-            said = attributes(part["mimic"], where, "joint multiplier offset")
-            factor, add = (number(said.get(key, x), where) for key, x in (("multiplier", "1"), ("offset", "0")))
-            mimic = said.get("joint", ""), factor, add
+            written = attributes(part["mimic"], where, "joint multiplier offset")
+            factor, add = (number(written.get(key, x), where) for key, x in (("multiplier", "1"), ("offset", "0")))
+            mimic = written.get("joint", ""), factor, add
         free = each.get("type") == "continuous"
         low, high = (-np.inf, np.inf) if free else (most["lower"], most["upper"])
         axis = unit(decimal(along)) if each.get("type") != "fixed" else Ball(along)
@@ -223,8 +223,8 @@ class Tree:
             part = children(each, where, "origin mass inertia")
             need(part["mass"] is not None and part["inertia"] is not None, f"{where}: has no mass or inertia")
             mass = number(attributes(part["mass"], where, "value").get("value"), where)
-            said = attributes(part["inertia"], where, "ixx ixy ixz iyy iyz izz")
-            six = [number(said.get(key), where) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")]
+            written = attributes(part["inertia"], where, "ixx ixy ixz iyy iyz izz")
+            six = [number(written.get(key), where) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")]
             need(mass >= 0, f"{where}: a mass below 0")
             found.append((link, mass, origin(each, where), symmetric(np.array(six))))
         return found

@@ -31,10 +31,10 @@ POSE = "position rpy quaternion_xyzw"
 
 def read_scene(path: Path, data: bytes) -> dict[str, Any]:
     """The sections of a scene file."""
-    said = yaml_of(data)
+    section = yaml_of(data)
     beside = "one of MoveIt's goes with its request and a robot, --request FILE --robot NAME|FILE"
-    need(isinstance(said, dict) and "hdplan" in said, f"{path}: not a hdplan scene, version 1; {beside}")
-    top = mapping(said, str(path), SECTIONS)
+    need(isinstance(section, dict) and "hdplan" in section, f"{path}: not a hdplan scene, version 1; {beside}")
+    top = mapping(section, str(path), SECTIONS)
     need(top.get("hdplan") == 1 and type(top["hdplan"]) is int, f"{path}: not a hdplan scene, version 1")
     need("start" in top and ("goal" in top) != ("job" in top), f"{path}: has no start, or not one of goal and job")
     need(type(top.get("from_request", False)) is bool, "from_request: true or false is expected")
@@ -97,24 +97,24 @@ def frame(pose: Pose) -> dict[str, Any]:
 
 def shape_of(value: Any, what: str, folder: Path, files: Files, claimed: Claimed) -> dict[str, Any]:
     """A shape of a scene as a world has it; a mesh of a kind that the checker does not read as the proof has it."""
-    said = mapping(value, f"{what}: shape", "type size radius radii length points file scale")
-    kind = str(said.pop("type", ""))
+    section = mapping(value, f"{what}: shape", "type size radius radii length points file scale")
+    kind = str(section.pop("type", ""))
     need(kind in SHAPES, f"{what}: a shape '{kind}'")
     need(
-        {*said} - {*(["scale"] * (kind == "mesh"))} == {*SHAPES[kind].split()},
+        {*section} - {*(["scale"] * (kind == "mesh"))} == {*SHAPES[kind].split()},
         f"{what}: a shape '{kind}' of other keys",
     )
     if kind == "mesh":
-        scale = said.get("scale", 1.0)  # one for all axes will do
+        scale = section.get("scale", 1.0)  # one for all axes will do
         scale = values(scale if isinstance(scale, list) else [scale] * 3, 3, what)
         need(scale.min() > 0, f"{what}: scale: must be above 0")
         return mesh_of(
-            folder / word(said["file"], what), scale, files, claimed, (what, None, named(what)), upright=True
+            folder / word(section["file"], what), scale, files, claimed, (what, None, named(what)), upright=True
         )
     if kind == "points":
-        return hull([values(x, 3, what).tolist() for x in listing(said["points"], what)])
-    sizes: dict[str, Any] = {x: one(y, what) for x, y in said.items() if x in ("radius", "length")}
-    sizes |= {x: values(y, 3, what).tolist() for x, y in said.items() if x in ("size", "radii")}
+        return hull([values(x, 3, what).tolist() for x in listing(section["points"], what)])
+    sizes: dict[str, Any] = {x: one(y, what) for x, y in section.items() if x in ("radius", "length")}
+    sizes |= {x: values(y, 3, what).tolist() for x, y in section.items() if x in ("size", "radii")}
     small = [x for x in np.hstack([*sizes.values()]).tolist() if x <= 0]
     need(not small or (kind == "capsule" and small == [0.0] and sizes["length"] == 0), f"{what}: a size is not above 0")
     return solid(kind, sizes)
@@ -212,33 +212,33 @@ def obstacles(
     bodies, motions, own = [], dict[str, Any](), dict[str, Any]()
     for i, entry in enumerate(listing(top.get("obstacles"), "obstacles")):
         what = f"obstacles[{i}]"
-        said = mapping(entry, what, f"name shape pose clearance motion uncertainty {' '.join(SEEN)}")
-        name = word(said.get("name", f"obstacle{i}"), what)
-        pose = begins = pose_of(said.get("pose"), name)
-        if "motion" in said:
-            need("pose" not in said or "times" not in said["motion"], f"{what}: has two poses")
-            motions[name], pose = motion(said["motion"], pose, name), HERE
+        section = mapping(entry, what, f"name shape pose clearance motion uncertainty {' '.join(SEEN)}")
+        name = word(section.get("name", f"obstacle{i}"), what)
+        pose = begins = pose_of(section.get("pose"), name)
+        if "motion" in section:
+            need("pose" not in section or "times" not in section["motion"], f"{what}: has two poses")
+            motions[name], pose = motion(section["motion"], pose, name), HERE
             begins = motions[name].get("poses", [begins])[0]
-        kinds = [x for x in ("shape", *SEEN) if x in said]
+        kinds = [x for x in ("shape", *SEEN) if x in section]
         need(len(kinds) == 1, f"{what}: one of shape, {', '.join(SEEN)} is expected")
         if kinds == ["shape"]:
-            shape = shape_of(said["shape"], name, folder, files, claimed)
+            shape = shape_of(section["shape"], name, folder, files, claimed)
         else:
-            shape = seen(name, kinds[0], said[kinds[0]], begins)
+            shape = seen(name, kinds[0], section[kinds[0]], begins)
         bodies.append({"name": name, "kind": "obstacle", "joint": -1, **frame(pose), "shape": shape})
-        if "clearance" in said:
-            own[name] = one(said["clearance"], f"{what}.clearance")
+        if "clearance" in section:
+            own[name] = one(section["clearance"], f"{what}.clearance")
     return bodies, motions, own
 
 
 def motion(value: Any, pose: Pose, name: str) -> dict[str, Any]:
     """Motion of an obstacle."""
-    said = mapping(value, f"{name}: motion", "velocity spin times poses")
-    if "times" in said or "poses" in said:
-        need({*said} == {"times", "poses"}, f"{name}: motion: times and poses, or velocity and spin")
-        times = values(listing(said["times"], name), len(said["times"]), name).tolist()
-        return {"times": times, "poses": [pose_of(x, name) for x in listing(said["poses"], name)]}
-    rates = {key: values(said.get(key, [0.0] * 3), 3, name).tolist() for key in ("velocity", "spin")}
+    section = mapping(value, f"{name}: motion", "velocity spin times poses")
+    if "times" in section or "poses" in section:
+        need({*section} == {"times", "poses"}, f"{name}: motion: times and poses, or velocity and spin")
+        times = values(listing(section["times"], name), len(section["times"]), name).tolist()
+        return {"times": times, "poses": [pose_of(x, name) for x in listing(section["poses"], name)]}
+    rates = {key: values(section.get(key, [0.0] * 3), 3, name).tolist() for key in ("velocity", "spin")}
     return {**rates, "pose": pose}
 
 
@@ -246,25 +246,25 @@ def path_of(top: dict[str, Any]) -> list[Any]:
     """The path constraints as a world has them; a tuple has those that are worked out already."""
     if type(top.get("path")) is tuple:
         return list(top["path"])
-    said, found = mapping(top.get("path", {}), "path", "upright position relative"), list[Any]()
-    if "upright" in said:
-        keys = mapping(said["upright"], "path.upright", "link axis tolerance")
+    section, found = mapping(top.get("path", {}), "path", "upright position relative"), list[Any]()
+    if "upright" in section:
+        keys = mapping(section["upright"], "path.upright", "link axis tolerance")
         axis = keys.get("axis", "z")
         need(type(axis) is not str or axis in AXES, f"path.upright.axis: one of {', '.join(AXES)}, or three numbers")
         way = unit(decimal(values(list(AXES[axis]) if type(axis) is str else axis, 3, "path.upright")))
         tolerance = one(keys.get("tolerance", 0.1), "path.upright")
         direction = {"axis": way.mid.tolist(), "off": float(way.rad.max())}
         found.append({"kind": "upright", "link": word(keys.get("link"), "path"), **direction, "tolerance": tolerance})
-    if "position" in said:
-        keys = mapping(said["position"], "path.position", f"link size point {POSE}")
+    if "position" in section:
+        keys = mapping(section["position"], "path.position", f"link size point {POSE}")
         point = values(keys.get("point", [0.0] * 3), 3, "path.position").tolist()
         size = listing(keys.get("size"), "path.position.size")
         size = [None if x == np.inf else one(x, "path.position.size") for x in size]
         pose = pose_of({x: keys[x] for x in POSE.split() if x in keys}, "path.position")
         box = {"link": word(keys.get("link"), "path"), "point": point, "size": size, **frame(pose)}
         found.append({"kind": "position", **box})
-    if "relative" in said:
-        keys = mapping(said["relative"], "path.relative", "link to pose position_tolerance orientation_tolerance")
+    if "relative" in section:
+        keys = mapping(section["relative"], "path.relative", "link to pose position_tolerance orientation_tolerance")
         place = frame(pose_of(keys["pose"], "path.relative")) if "pose" in keys else None
         usual = {"position_tolerance": 5e-3, "orientation_tolerance": 0.05}
         more = {key: one(keys.get(key, x), "path.relative") for key, x in usual.items()}
@@ -275,14 +275,14 @@ def path_of(top: dict[str, Any]) -> list[Any]:
 
 def pose_goal(value: Any, what: str, end_effector: Any) -> dict[str, Any]:
     """A goal pose as a world has it; `end_effector` gives the link where none is named."""
-    said = mapping(value, what, f"link {POSE} position_tolerance orientation_tolerance free_rotation")
-    free = said.get("free_rotation", "none")
-    need(free in ("none", "x", "y", "z", "all") and "position" in said, f"{what}: free_rotation or position")
-    turned = {*said} & {"rpy", "quaternion_xyzw"}
+    section = mapping(value, what, f"link {POSE} position_tolerance orientation_tolerance free_rotation")
+    free = section.get("free_rotation", "none")
+    need(free in ("none", "x", "y", "z", "all") and "position" in section, f"{what}: free_rotation or position")
+    turned = {*section} & {"rpy", "quaternion_xyzw"}
     need(bool(turned) != (free == "all"), f"{what}: has no orientation, or one that does not matter")
-    need(free != "all" or "orientation_tolerance" not in said, f"{what}: a tolerance that does not matter")
+    need(free != "all" or "orientation_tolerance" not in section, f"{what}: a tolerance that does not matter")
     usual = {"position_tolerance": 1e-3, "orientation_tolerance": 1e-2}
-    more = {key: one(said.get(key, x), what) for key, x in usual.items()}
-    link = word(said["link"], what) if "link" in said else end_effector()
-    pose = pose_of({x: said[x] for x in POSE.split() if x in said}, what)
+    more = {key: one(section.get(key, x), what) for key, x in usual.items()}
+    link = word(section["link"], what) if "link" in section else end_effector()
+    pose = pose_of({x: section[x] for x in POSE.split() if x in section}, what)
     return {"link": link, **frame(pose), **more, "free": free}

@@ -28,13 +28,13 @@ MOST = 5_000_000  # of points
 
 def balls_of(kind: str, value: Any, what: str, folder: Path, files: Files) -> tuple[Ball, Any] | None:
     """Centres (m, 3) in the frame of the camera, and radii (m,); None of a file that the checker does not read."""
-    said = mapping(value, what, CLOUD if kind == "cloud" else DEPTH)
+    section = mapping(value, what, CLOUD if kind == "cloud" else DEPTH)
     given = "points" if kind == "cloud" else "image"
-    need(("file" in said) != (given in said), f"{what}: either file or {given}")
-    if "voxel" in said:
-        need(0 < scenes.one(said["voxel"], f"{what}.voxel") <= 1, f"{what}.voxel: 0 to 1 m")
-    if "file" in said:
-        path = folder / scenes.word(said["file"], what)
+    need(("file" in section) != (given in section), f"{what}: either file or {given}")
+    if "voxel" in section:
+        need(0 < scenes.one(section["voxel"], f"{what}.voxel") <= 1, f"{what}.voxel: 0 to 1 m")
+    if "file" in section:
+        path = folder / scenes.word(section["file"], what)
         data = files.read(f"{kind} {path.name}", path)
         if kind == "cloud" and path.suffix.lower() in point_files.KINDS:
             if (table := point_files.table(path, data)) is None:
@@ -44,27 +44,27 @@ def balls_of(kind: str, value: Any, what: str, folder: Path, files: Files) -> tu
         else:
             table = images.table(path, data, "points" if kind == "cloud" else "depth")
     else:
-        rows = listing(said[given], what)
+        rows = listing(section[given], what)
         need(rows and all(type(x) is list and len(x) == len(rows[0]) for x in rows), f"{what}: rows of numbers")
         table = np.array([values(x, len(rows[0]), what) for x in rows])
     need(table.ndim == 2 and table.size, f"{what}: a table of numbers is expected")
-    return (_points if kind == "cloud" else _pixels)(said, table, what)
+    return (_points if kind == "cloud" else _pixels)(section, table, what)
 
 
-def _points(said: dict[str, Any], table: Any, what: str) -> tuple[Ball, Any]:
+def _points(section: dict[str, Any], table: Any, what: str) -> tuple[Ball, Any]:
     need(table.shape[1] == 3 and len(table) <= MOST, f"{what}: at most {MOST} points (m, 3) are expected")
     seen = np.isfinite(table).all(axis=1)
-    need(said.get("drop_nan", False) is True or seen.all(), f"{what}: points that are not finite")
-    radius = said.get("radius")
+    need(section.get("drop_nan", False) is True or seen.all(), f"{what}: points that are not finite")
+    radius = section.get("radius")
     radii = values(radius, len(table), what) if type(radius) is list else np.full(len(table), scenes.one(radius, what))
     need(seen.any() and 0 < radii.min() <= radii.max() <= 1, f"{what}.radius: above 0, and at most 1 m")
     return Ball(table[seen]), radii[seen]
 
 
-def _pixels(said: dict[str, Any], image: Any, what: str) -> tuple[Ball, Any]:
-    scale, more = scenes.one(said.get("scale", 0.001), f"{what}.scale"), scenes.one(said.get("radius", 0.0), what)
-    fx, fy, cx, cy = values(said.get("intrinsics"), 4, f"{what}.intrinsics").tolist()
-    low, high = values(said.get("range", [0.1, 3.0]), 2, f"{what}.range").tolist()
+def _pixels(section: dict[str, Any], image: Any, what: str) -> tuple[Ball, Any]:
+    scale, more = scenes.one(section.get("scale", 0.001), f"{what}.scale"), scenes.one(section.get("radius", 0.0), what)
+    fx, fy, cx, cy = values(section.get("intrinsics"), 4, f"{what}.intrinsics").tolist()
+    low, high = values(section.get("range", [0.1, 3.0]), 2, f"{what}.range").tolist()
     need(scale > 0 and fx > 0 and fy > 0 and 0 <= low < high and 0 <= more <= 1, f"{what}: numbers of a camera")
     image = np.where(np.isfinite(image), image, 0.0)
     z = Ball(image) * Ball(scale, EPS * scale)

@@ -64,11 +64,11 @@ class Semantics:
         pairs = [{frozenset((x.get("link1", ""), x.get("link2", ""))) for x in root.findall(tag)} for tag in PAIRS]
         self.disabled = ({frozenset((a, b)) for a in off for b in links if a != b} - pairs[1]) | pairs[0]
 
-    def group(self, asked: Any, robots: tuple[str, ...]) -> str:
+    def group(self, requested: Any, robots: tuple[str, ...]) -> str:
         """The name of a group, which may have a robot's name before it (`panda_arm`: arm)."""
-        names = (str(asked), *(str(asked).removeprefix(f"{x}_") for x in robots))
+        names = (str(requested), *(str(requested).removeprefix(f"{x}_") for x in robots))
         name = next((x for x in names if x in self.groups), None)
-        need(name is not None, f"robot.group: no group '{asked}'")
+        need(name is not None, f"robot.group: no group '{requested}'")
         return name or ""
 
     def states(self, group: str | None) -> dict[str, dict[str, float]]:

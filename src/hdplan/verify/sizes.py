@@ -17,14 +17,14 @@ def sizes(top: dict[str, Any], joints: Any) -> dict[str, Any]:
     for i, entry in enumerate(listing(top.get("obstacles"), "obstacles")):
         if entry.get("uncertainty") is not None:
             what = f"obstacles[{i}].uncertainty"
-            said = mapping(entry["uncertainty"], what, " ".join(AROUND.values()))
-            found = {key: scenes.one(said.get(word, 0.0), what) for key, word in AROUND.items()}
+            section = mapping(entry["uncertainty"], what, " ".join(AROUND.values()))
+            found = {key: scenes.one(section.get(word, 0.0), what) for key, word in AROUND.items()}
             if any(found.values()):
                 around[entry.get("name", f"obstacle{i}")] = found
     tracking = mapping(spec.get("tracking") or {}, "robot.tracking", "position velocity")
     lags = [lag(tracking.get(key, 0.0), joints.lead, f"robot.tracking.{key}") for key in ("position", "velocity")]
-    said = mapping(spec.get("calibration") or {}, "robot.calibration", "position orientation")
-    base = {key: scenes.one(said.get(AROUND[key], 0.0), "robot.calibration") for key in ("shift", "turn")}
+    section = mapping(spec.get("calibration") or {}, "robot.calibration", "position orientation")
+    base = {key: scenes.one(section.get(AROUND[key], 0.0), "robot.calibration") for key in ("shift", "turn")}
     if not (around or any(map(any, lags)) or any(base.values())):
         return {}
     about = values((spec.get("base") or {}).get("position", [0.0] * 3), 3, "robot.base").tolist()
@@ -32,11 +32,11 @@ def sizes(top: dict[str, Any], joints: Any) -> dict[str, Any]:
     return {"sizes": {"around": around, "base": stands, "joints": lags[0], "rates": lags[1]}}
 
 
-def lag(said: Any, lead: list[str], what: str) -> list[float]:
+def lag(given: Any, lead: list[str], what: str) -> list[float]:
     """Greatest deviation of each joint that leads: one number for all, one each, or by name."""
-    if isinstance(said, list):
-        return [float(x) for x in values(said, len(lead), what)]
-    if isinstance(said, dict):
-        need({*said} <= {*lead}, f"{what}: of a joint that does not lead")
-        return [scenes.one(said.get(x, 0.0), what) for x in lead]
-    return [scenes.one(said, what)] * len(lead)
+    if isinstance(given, list):
+        return [float(x) for x in values(given, len(lead), what)]
+    if isinstance(given, dict):
+        need({*given} <= {*lead}, f"{what}: of a joint that does not lead")
+        return [scenes.one(given.get(x, 0.0), what) for x in lead]
+    return [scenes.one(given, what)] * len(lead)

@@ -36,7 +36,7 @@ class Stage:
 
     name: str
     kind: str
-    said: Any  # of its kind
+    content: Any  # of its kind
     touch: list[tuple[str, str]]
     beside: dict[str, Any]  # what else it has
     blend: float = 0.0  # [m] within which it goes over into the next one; 0: it ends at rest
@@ -45,7 +45,7 @@ class Stage:
     @property
     def fingers(self) -> bool:
         """True if fingers move in it."""
-        return self.kind in ("grip", "release") and bool(self.said.get("joints"))
+        return self.kind in ("grip", "release") and bool(self.content.get("joints"))
 
     @property
     def curve(self) -> bool:
@@ -74,8 +74,8 @@ def repeated(entry: Any) -> list[Any]:
     if not isinstance(entry, dict) or "repeat" not in entry:
         return [entry]
     need({*entry} == {"repeat"}, "job: repeat goes with nothing else")
-    said, made = mapping(entry["repeat"], "repeat", "over stages"), list[Any]()
-    rows, stages = (listing(said.get(key), f"repeat.{key}") for key in ("over", "stages"))
+    content, made = mapping(entry["repeat"], "repeat", "over stages"), list[Any]()
+    rows, stages = (listing(content.get(key), f"repeat.{key}") for key in ("over", "stages"))
     need(0 < len(rows) * len(stages) <= MOST_STAGES, f"repeat: makes 1 to {MOST_STAGES} stages")
     for number, row in enumerate(rows, 1):
         need(isinstance(row, dict) and {*row} == {*rows[0]}, "repeat.over: rows of the same columns are expected")
@@ -110,8 +110,8 @@ def stage_of(entry: Any, number: int) -> Stage:
     kinds = [x for x in KINDS if x in keys]
     need(len(kinds) == 1, f"{what}: one of {', '.join(KINDS)} is expected")
     (kind,) = kinds
-    said = keys.pop(kind)
-    said = mapping(said, f"{what}.{kind}", KINDS[kind]) if KINDS[kind] else said
+    content = keys.pop(kind)
+    content = mapping(content, f"{what}.{kind}", KINDS[kind]) if KINDS[kind] else content
     need("path" not in keys or kind == "move", f"{what}.path: goes with 'move' alone")
     need("blend" not in keys or kind in ARM, f"{what}.blend: goes with {', '.join(ARM)}")
     blend = scenes.one(keys.pop("blend", 0.0), f"{what}.blend")
@@ -123,4 +123,4 @@ def stage_of(entry: Any, number: int) -> Stage:
         one, others = pair[0], pair[1] if type(pair[1]) is list else [pair[1]]
         need(one not in others, f"{what}.touch: '{one}' touches itself")
         pairs |= {(scenes.word(one, what), scenes.word(x, what)): None for x in others}
-    return Stage(name, kind, said, [*pairs], keys, blend)
+    return Stage(name, kind, content, [*pairs], keys, blend)

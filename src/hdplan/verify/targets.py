@@ -21,11 +21,11 @@ class Targets:
 
     def target(self, value: Any, end: str) -> dict[str, Any]:
         """A configuration as a world has it."""
-        said = mapping(value, end, "joints state velocity acceleration")
-        names = [x for x in ("velocity", "acceleration") if x in said]
-        rates: dict[str, Any] = {x: self.rates(said.pop(x), f"{end}.{x}") for x in names}
+        section = mapping(value, end, "joints state velocity acceleration")
+        names = [x for x in ("velocity", "acceleration") if x in section]
+        rates: dict[str, Any] = {x: self.rates(section.pop(x), f"{end}.{x}") for x in names}
         need("velocity" in rates or not rates, f"{end}: an acceleration without a velocity")
-        return {**self.place(said, end), **rates}
+        return {**self.place(section, end), **rates}
 
     def rates(self, value: Any, what: str) -> list[float]:
         """Rates of the leading joints; those that are not named are 0."""
@@ -42,22 +42,22 @@ class Targets:
             need(name not in joints.held or x == 0, f"{what}: '{name}' is held, and is to move")
         return [given.get(x, 0.0) for x in joints.lead]
 
-    def place(self, said: dict[str, Any], end: str) -> dict[str, Any]:
+    def place(self, section: dict[str, Any], end: str) -> dict[str, Any]:
         """Values of the joints of a configuration."""
         joints = self.joints
-        need(len(said) == 1, f"{end}: joints or a state")
-        if "state" in said:
+        need(len(section) == 1, f"{end}: joints or a state")
+        if "state" in section:
             states = joints.semantics.states(joints.group)
-            need(said["state"] in states, f"{end}: no state '{said['state']}'")
-            named: Any = {x: y for x, y in states[said["state"]].items() if x in joints.movable}
+            need(section["state"] in states, f"{end}: no state '{section['state']}'")
+            named: Any = {x: y for x, y in states[section["state"]].items() if x in joints.movable}
         else:
-            named = said["joints"]
+            named = section["joints"]
         if isinstance(named, list):
             return {"joints": values(named, len(joints.lead), end).tolist(), "others": {}}
         given = {x: scenes.one(y, f"{end}: '{x}'") for x, y in named.items()}
         need({*given} <= {*joints.movable} or self.from_request, f"{end}: names a joint that is none")
         need({*joints.lead} <= {*given}, f"{end}: names not every joint that moves")
-        placed = joints.spec.get("locked") or {} if "state" in said else {}  # which says where they stand
+        placed = joints.spec.get("locked") or {} if "state" in section else {}  # which says where they stand
         others = {x: y for x, y in given.items() if (x in joints.held or x in joints.rules) and x not in placed}
         return {"joints": [given[x] for x in joints.lead], "others": dict(sorted(others.items()))}
 
@@ -66,35 +66,38 @@ class Targets:
         if type(value) is tuple:
             need(all(self.known(x["link"]) for x in value), "goal: a link that there is not")
             return [{"poses": list(value)}]
-        said = mapping(value, "goal", "joints state pose poses all any velocity acceleration")
-        if {"velocity", "acceleration"} & {*said}:
-            several = any(isinstance(x, (list, dict)) for x in said.get("joints", {}))
-            need({"joints", "state"} & {*said} and not several, "goal: a velocity at a goal that leaves a choice")
-            return [self.target(said, "goal")]
-        need(len(said) == 1, "goal: one of joints, state, pose, poses, all, any")
-        if "pose" in said:
-            return [{"poses": [self.pose(said["pose"])]}]
-        if "poses" in said:
-            return [{"poses": [self.pose(x)]} for x in listing(said["poses"], "goal.poses")]
-        if "all" in said:
-            each = [mapping(x, "goal.all", "pose").get("pose") for x in listing(said["all"], "goal.all")]
+        section = mapping(value, "goal", "joints state pose poses all any velocity acceleration")
+        if {"velocity", "acceleration"} & {*section}:
+            several = any(isinstance(x, (list, dict)) for x in section.get("joints", {}))
+            need({"joints", "state"} & {*section} and not several, "goal: a velocity at a goal that leaves a choice")
+            return [self.target(section, "goal")]
+        need(len(section) == 1, "goal: one of joints, state, pose, poses, all, any")
+        if "pose" in section:
+            return [{"poses": [self.pose(section["pose"])]}]
+        if "poses" in section:
+            return [{"poses": [self.pose(x)]} for x in listing(section["poses"], "goal.poses")]
+        if "all" in section:
+            each = [mapping(x, "goal.all", "pose").get("pose") for x in listing(section["all"], "goal.all")]
             return [{"poses": [self.pose(x) for x in each]}]
-        if "any" in said:
+        if "any" in section:
             return [
                 {"poses": [self.pose(x["pose"])]} if "pose" in mapping(x, "goal.any", "joints state pose")
                 else self.place(mapping(x, "goal.any", "joints state"), "goal")
-                for x in listing(said["any"], "goal.any")
+                for x in listing(section["any"], "goal.any")
             ]  # fmt: skip
-        values_ = said.get("joints")
+        values_ = section.get("joints")
         if isinstance(values_, list) and any(isinstance(x, (list, dict)) for x in values_):
             return [self.target({"joints": x}, "goal") for x in values_]
-        return [self.target(said, "goal")]
+        return [self.target(section, "goal")]
 
     def pose(self, value: Any) -> dict[str, Any]:
         """A goal pose."""
-        said = scenes.pose_goal(value, "goal", self.end_effector)
-        need(self.known(said["link"]), f"goal: no link '{said['link']}', and nothing of this name is held and moves")
-        return said
+        section = scenes.pose_goal(value, "goal", self.end_effector)
+        need(
+            self.known(section["link"]),
+            f"goal: no link '{section['link']}', and nothing of this name is held and moves",
+        )
+        return section
 
     def known(self, link: str) -> bool:
         """True for a link, and for a held object that moves."""
@@ -130,12 +133,14 @@ class Targets:
         ends = [x for x in ends if "state" in x or self.from_request]
         found = dict[str, list[float]]()
         for each in ends:
-            said = {x: each[x] for x in ("joints", "state") if x in each}
-            if not said or any(
-                isinstance(x, (list, dict)) for x in said.get("joints", []) if isinstance(said.get("joints"), list)
+            section = {x: each[x] for x in ("joints", "state") if x in each}
+            if not section or any(
+                isinstance(x, (list, dict))
+                for x in section.get("joints", [])
+                if isinstance(section.get("joints"), list)
             ):
                 continue
-            for name, x in zip(self.joints.lead, self.target(said, "an end")["joints"], strict=True):
+            for name, x in zip(self.joints.lead, self.target(section, "an end")["joints"], strict=True):
                 if name not in [rule[0] for rule in self.joints.rules.values()]:
                     found.setdefault(name, []).append(x)
         return found

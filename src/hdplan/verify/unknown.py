@@ -32,9 +32,9 @@ HALF_TURN = 3.1416
 class Unknown:
     """Upper bounds, for the pieces (g,) and the joints (n,) of a world."""
 
-    def __init__(self, world: World, said: Any) -> None:
+    def __init__(self, world: World, section: Any) -> None:
         """Take the world's key `sizes`, once its joints and pieces are known."""
-        around, base, joints, rates = keys_of(said, "sizes", "around base joints rates")
+        around, base, joints, rates = keys_of(section, "sizes", "around base joints rates")
         pieces = world.pieces
         need(type(around) is dict, "sizes.around: a mapping is expected")
         need({*around} <= {x.name for x in pieces if x.kind == "obstacle"}, "sizes.around: of no obstacle")
@@ -93,16 +93,16 @@ def chord(angle: Any) -> Any:
     return up(2 * cos_sin(0.5 * np.asarray(angle))[1].size)
 
 
-def sizes_of(said: Any, what: str, keys: str) -> Any:
+def sizes_of(section: Any, what: str, keys: str) -> Any:
     """Sizes, none below 0, and turns of at most half a turn."""
-    found = np.array([number(x, what) for x in keys_of(said, what, keys)])
+    found = np.array([number(x, what) for x in keys_of(section, what, keys)])
     need((found >= 0).all() and found[1] <= HALF_TURN, f"{what}: at least 0, and at most half a turn, is expected")
     return found
 
 
-def of_joints(world: World, said: Any, what: str) -> Any:
+def of_joints(world: World, given: Any, what: str) -> Any:
     """Greatest deviations of all joints (n,): given for those that follow none, times the factor for others."""
-    own, found = numbers(said, (len(world.lead),), what), np.zeros(len(world.joints))
+    own, found = numbers(given, (len(world.lead),), what), np.zeros(len(world.joints))
     need((own >= 0).all(), f"{what}: is negative")
     found[world.lead] = own
     for i, joint in enumerate(world.joints):

@@ -100,21 +100,21 @@ def unit_vector(axis: Any, off: float, what: str) -> Ball:
     return way
 
 
-def placed(said: list[tuple[str, Any]], keys: str = "") -> list[tuple[Any, ...]]:
+def placed(entries: list[tuple[str, Any]], keys: str = "") -> list[tuple[Any, ...]]:
     """The values of mappings with these keys and a frame, and their frames, which are examined all at once: each is a
     rotation but for its error, as what stretches would reach farther than it seems."""
-    found = [keys_of(each, what, f"{keys} {FRAME}") for what, each in said]
+    found = [keys_of(each, what, f"{keys} {FRAME}") for what, each in entries]
     if not found:
         return []
     turns, places, off = ([x[i] for x in found] for i in (-3, -2, -1))
-    every = said[0][0] if len(said) == 1 else f"{said[0][0]} to {said[-1][0]}"
+    every = entries[0][0] if len(entries) == 1 else f"{entries[0][0]} to {entries[-1][0]}"
     r, at = numbers(turns, (-1, 9), f"{every}: rotation"), numbers(places, (-1, 3), f"{every}: position")
     r, rad = r.reshape(-1, 3, 3), np.zeros((len(r), 3, 3)) + np.array(off)[:, None, None]
     even = np.abs(np.einsum("kij,klj->kil", r, r) - HERE[0].mid) <= 20 * rad + 1e-14
     x, y, z = r.transpose(1, 2, 0)
     right = (x[1] * y[2] - x[2] * y[1]) * z[0] + (x[2] * y[0] - x[0] * y[2]) * z[1] + (x[0] * y[1] - x[1] * y[0]) * z[2]
     good = even.all(axis=(1, 2)) & (right > 0)
-    need(good.all(), f"{said[int(np.argmin(good))][0]}: is no rotation")
+    need(good.all(), f"{entries[int(np.argmin(good))][0]}: is no rotation")
     poses = ((Ball(r[i], rad[i]), Ball(at[i], rad[i, 0])) for i in range(len(found)))
     return [(*x[:-3], pose) for x, pose in zip(found, poses, strict=True)]
 
@@ -126,9 +126,9 @@ def shape_of(value: Any, what: str) -> tuple[Any, Any, Any, float]:
     points, sweep = (numbers(x, (-1, 3), f"{what}.{key}") for x, key in ((points, "points"), (sweep, "sweep")))
     found = np.arange(len(points))[None]
     if parts is not None:
-        said = numbers(parts, (-1, -1), f"{what}.parts")
-        found = said.astype(int)
-        good = found.size and (found == said).all() and found.min() >= 0 and found.max() < len(points)
+        given = numbers(parts, (-1, -1), f"{what}.parts")
+        found = given.astype(int)
+        good = found.size and (found == given).all() and found.min() >= 0 and found.max() < len(points)
         need(good, f"{what}: has no parts, or one with a point that is not there")
     need(found.shape[1] != 3 or not sweep.any(), f"{what}: triangles are not swept")  # as more would be enclosed
     need(sweep.min(initial=0) >= 0 and len(sweep) in (1, len(found)), f"{what}: sizes for all, or each, of its parts")
@@ -215,12 +215,12 @@ def blossom(control: Ball, start: Any, end: Any) -> Ball:
 class World:
     """A world: pieces of the robot, of held objects and of obstacles, their pairs, and the motion."""
 
-    def __init__(self, said: Any, cuts: dict[str, Any]) -> None:
+    def __init__(self, content: Any, cuts: dict[str, Any]) -> None:
         """Take the content of a world's file, and a proof's groups of the triangles of meshes."""
         keys = "joints held links bodies tracks not_compared clearances motion limits path start goal duration also"
-        need(type(said) is dict, "the world: a mapping is expected")
+        need(type(content) is dict, "the world: a mapping is expected")
         version, joints, self.held, links, bodies, tracks, apart, clearances, motion, *rest, self.loads, sizes = (
-            keys_of({"loads": None, "sizes": None, **said}, "the world", f"hdplan_world {keys} loads sizes")
+            keys_of({"loads": None, "sizes": None, **content}, "the world", f"hdplan_world {keys} loads sizes")
         )
         self.limits, self.path, self.start, self.goal, self.duration, self.also = rest  # which `effects` reads
         need(version == VERSION, f"the world is not of version {VERSION}")
@@ -282,8 +282,8 @@ class World:
         need(kind in KINDS, f"{what}.kind: {', '.join(KINDS)}")
         last = KINDS.index(self.pieces[-1].kind) if self.pieces else 0
         need(KINDS.index(kind) >= last, f"{what}: links, held objects, obstacles, in order")
-        as_said = kind == "obstacle" or (name in self.links) == (kind == "link")
-        need(as_said, f"{what}: '{name}' is a link, or is to be one")
+        consistent = kind == "obstacle" or (name in self.links) == (kind == "link")
+        need(consistent, f"{what}: '{name}' is a link, or is to be one")
         before = self.counts.get((name, kind), 0)
         need(kind == "link" or not before, f"{what}: the name '{name}' is taken")
         self.carrier(what, joint, kind == "obstacle")
@@ -304,12 +304,12 @@ class World:
         if parts.shape[1] == 3 and len(together) > 1:
             self.surfaces[number] = dot("ij,mj->mi", pose[0], Ball(points, off)) + pose[1], parts
 
-    def read_motion(self, said: Any) -> None:
+    def read_motion(self, content: Any) -> None:
         """Make the control points (N - 1, d + 1, n) of the polynomial between each two rows, of all joints."""
-        rule: Any = said.get("rule") if type(said) is dict else None
+        rule: Any = content.get("rule") if type(content) is dict else None
         need(rule in RULES, "motion.rule: linear, cubic or quintic")
         names = ROWS[: RULES.index(rule) + 1]
-        times, *rows = keys_of(said, "motion", f"rule times {' '.join(names)}")[1:]
+        times, *rows = keys_of(content, "motion", f"rule times {' '.join(names)}")[1:]
         lead = [i for i, x in enumerate(self.joints) if x.follows is None]
         given = [numbers(x, (-1, len(lead)), f"motion.{name}") for x, name in zip(rows, names, strict=True)]
         count, self.rows, self.lead, self.given = len(given[0]), given[0], lead, given

@@ -79,7 +79,7 @@ def test_right_at_random_poses(names, bodies):
 
 
 @needs_fcl
-def test_contacts_are_survived_and_told(bodies):
+def test_contacts_are_survived_and_reported(bodies):
     """Thin bodies in contact end FCL's process most often: about one pose in fifty."""
     plate, segment = bodies["plate"], bodies["segment"]
     poses_a, poses_b = touching_poses(plate, segment, np.random.default_rng(2), 500)

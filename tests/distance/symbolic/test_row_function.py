@@ -216,7 +216,7 @@ def test_works_without_a_compiler(monkeypatch: pytest.MonkeyPatch, cache: Path) 
         np.testing.assert_allclose(one, other, rtol=SAME)
 
 
-def test_a_missing_compiler_is_said_once(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
+def test_a_missing_compiler_is_reported_once(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
     without_compiler(monkeypatch)
     with pytest.warns(UserWarning, match="no C compiler found"):
         RowFunction(small())

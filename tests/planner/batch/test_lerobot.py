@@ -29,7 +29,7 @@ def outcome(name: str, trajectory: Trajectory | None, status: str = "certified")
     return Outcome(name, status, "", "", trajectory, {"robot": "arm"})
 
 
-def told(*motions: Trajectory) -> list[tuple[Outcome, str]]:
+def outcomes_of(*motions: Trajectory) -> list[tuple[Outcome, str]]:
     return [(outcome(f"p{i}", each), f"task {i % 2}") for i, each in enumerate(motions)]
 
 
@@ -51,7 +51,7 @@ def test_every_sample_is_where_the_format_says(
     monkeypatch.setattr(lerobot, "CHUNK", 2)
     motions = [motion(i, duration, joints, i) for i, duration in enumerate((1.0, 2.013, 0.5, 1.999, 0.04))]
     failed = [(outcome("x", motion(9, 1.0, joints), "in_contact"), "task 0"), (outcome("y", None, "refused"), "task 0")]
-    assert write_lerobot(tmp_path / "set", [*failed, *told(*motions)], FPS) == 5
+    assert write_lerobot(tmp_path / "set", [*failed, *outcomes_of(*motions)], FPS) == 5
     about, episodes, data = read(tmp_path / "set")
     assert (about["codebase_version"], about["fps"], about["robot_type"]) == ("v3.0", FPS, "arm")
     assert (about["total_episodes"], about["total_frames"], about["total_tasks"]) == (5, len(data), 2)
@@ -92,16 +92,16 @@ def test_samples_begin_and_end_with_the_motion() -> None:
 
 
 def test_statistics_are_those_of_all_samples(tmp_path: Path) -> None:
-    write_lerobot(tmp_path / "set", told(motion(1, 1.0), motion(2, 1.5)), FPS)
+    write_lerobot(tmp_path / "set", outcomes_of(motion(1, 1.0), motion(2, 1.5)), FPS)
     _, episodes, data = read(tmp_path / "set")
-    said = json.loads((tmp_path / "set/meta/stats.json").read_text())
-    assert set(said) == set(data.column_names)
+    statistics = json.loads((tmp_path / "set/meta/stats.json").read_text())
+    assert set(statistics) == set(data.column_names)
     values = np.array(data["action"].to_pylist())
-    assert np.allclose(said["action"]["min"], values.min(0))
-    assert np.allclose(said["action"]["mean"], values.mean(0))
-    assert np.allclose(said["action"]["std"], values.std(0))
-    assert np.allclose(said["action"]["q90"], np.quantile(values, 0.9, axis=0))
-    assert said["index"]["count"] == [len(data)]
+    assert np.allclose(statistics["action"]["min"], values.min(0))
+    assert np.allclose(statistics["action"]["mean"], values.mean(0))
+    assert np.allclose(statistics["action"]["std"], values.std(0))
+    assert np.allclose(statistics["action"]["q90"], np.quantile(values, 0.9, axis=0))
+    assert statistics["index"]["count"] == [len(data)]
     own = values[episodes[1]["dataset_from_index"] : episodes[1]["dataset_to_index"]]
     assert np.allclose(episodes[1]["stats/action/max"], own.max(0))
     assert episodes[1]["stats/index/min"] == [episodes[1]["dataset_from_index"]]
@@ -109,17 +109,17 @@ def test_statistics_are_those_of_all_samples(tmp_path: Path) -> None:
 
 def test_what_cannot_be_exported_is_refused_and_the_last_one_stays(tmp_path: Path) -> None:
     folder = tmp_path / "set"
-    write_lerobot(folder, told(motion(1, 1.0)), FPS)
+    write_lerobot(folder, outcomes_of(motion(1, 1.0)), FPS)
     before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
     path = Trajectory(("j0", "j1", "j2"), [[0, 0, 0], [1, 1, 1]])
     for given, words in (
-        (told(motion(1, 1.0), path, path), "2 motions have no times, .*: p1, p2"),
-        (told(motion(1, 1.0), motion(1, 1.0, 2)), "p1: moves j0, j1, the motions before it j0, j1, j2"),
+        (outcomes_of(motion(1, 1.0), path, path), "2 motions have no times, .*: p1, p2"),
+        (outcomes_of(motion(1, 1.0), motion(1, 1.0, 2)), "p1: moves j0, j1, the motions before it j0, j1, j2"),
         ([(outcome("x", None, "refused"), "t")], "no motion is certified"),
     ):
         with pytest.raises(InputError, match=words):
             write_lerobot(folder, given, FPS)
         assert {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()} == before
     assert list(tmp_path.iterdir()) == [folder]
-    write_lerobot(folder, told(motion(4, 1.0)), FPS)
+    write_lerobot(folder, outcomes_of(motion(4, 1.0)), FPS)
     assert {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()} != before

@@ -299,9 +299,9 @@ def test_the_command_plans_and_reports(command: Callable[..., tuple[int, str, st
     code, out, err = command("batch", "planar_arm", "bad.yaml", "-o", "r")
     assert (code, err) == (1, "")
     assert out.startswith("1 of 2 problems certified\n")
-    said = "".join(out.split())  # wherever lines wrap
-    assert "1failedafileoravalueisinvalid,suchasbad:" in said
-    assert "bad.yaml:thekey'start'ismissing" in said
+    printed = "".join(out.split())  # wherever lines wrap
+    assert "1failedafileoravalueisinvalid,suchasbad:" in printed
+    assert "bad.yaml:thekey'start'ismissing" in printed
     assert command("batch", "--report", "r") == (1, out, "")
     code, drawn, err = command("batch", "--report", "r", "--plot", "r.png")
     assert (code, drawn, err) == (1, out + "  written   r.png\n", "")

@@ -55,7 +55,7 @@ def test_goals_may_be_poses() -> None:
 
 
 @pytest.mark.core
-def test_jitter_and_resize_stay_within_what_is_asked() -> None:
+def test_jitter_and_resize_stay_within_their_bounds() -> None:
     plain = load_scene(ARM).obstacles
     for row in sample(ARM, 20, jitter=0.03, resize=0.25).rows:
         for old, new in zip(plain, scene_of(row, ARM).obstacles, strict=True):

@@ -85,17 +85,17 @@ def test_dask_says_nothing_of_its_own(two_workers: Any) -> None:
 
 def test_plan_many_tells_how_far_it_has_come(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(many, "worker_pool", lambda *_: contextlib.nullcontext(two_workers))
-    told: list[str] = []
-    with listening(told.append):
+    notes: list[str] = []
+    with listening(notes.append):
         found = list(hdplan.plan_many(arms(4), workers=2))
     good = sum(outcome.certified for outcome in found)
-    assert told[0] == "starting the workers"
-    assert told[-1] == f"planned 4 of 4 problems: {good} certified, {4 - good} not"
-    assert len(told) == 5
-    told.clear()
-    with listening(told.append):
+    assert notes[0] == "starting the workers"
+    assert notes[-1] == f"planned 4 of 4 problems: {good} certified, {4 - good} not"
+    assert len(notes) == 5
+    notes.clear()
+    with listening(notes.append):
         list(hdplan.plan_many(iter(arms(1)), workers=1))
-    assert told[-1].startswith("planned 1 problems: ")
+    assert notes[-1].startswith("planned 1 problems: ")
 
 
 def test_workers_keep_no_samples_of_themselves(two_workers: Any) -> None:

@@ -108,7 +108,7 @@ def to_file(mesh: TriangleMesh, path: Path) -> Path:
 def test_what_is_inside_counts_as_inside(how: str, scales: tuple[float, ...]) -> None:
     """And in a cavity as free, where its wall tells that it is one."""
     rng = np.random.default_rng(7)
-    told = how in ("as it is", "inside out", "twice")
+    filled = how in ("as it is", "inside out", "twice")
     for _ in range(3):
         body = star(rng, 1.0, scales)
         solid = Solid(upset(body.mesh(), how, rng))
@@ -118,7 +118,7 @@ def test_what_is_inside_counts_as_inside(how: str, scales: tuple[float, ...]) ->
         inside, outside = body.inside(points), body.walls(points) > 1.0
         assert found[inside].all()
         assert not found[outside].any()
-        if told:
+        if filled:
             assert np.array_equal(found, inside)
 
 
@@ -268,7 +268,7 @@ def test_no_ball_in_the_material_is_free_in_any_role(role: str, tmp_path: Path) 
     assert found.get((True, False), 0) > 0
 
 
-def test_an_obstacle_is_told_from_its_twin_in_the_robot(tmp_path: Path) -> None:
+def test_an_obstacle_is_distinguished_from_its_twin_in_the_robot(tmp_path: Path) -> None:
     """It has the name, the mesh and, at first, the place of a link; later it is around another link."""
     body = to_file(star(np.random.default_rng(0), 1.0, spikes=0.3).mesh(), tmp_path / "body.stl")
     (tmp_path / "arm.urdf").write_text(

@@ -216,7 +216,7 @@ def only_kept(count: int) -> Callable[[pytest.MonkeyPatch], None]:
 
 
 def goalless(found: dict[str, Any]) -> dict[str, Any]:
-    return {name: said for name, said in found.items() if name != "goal"}
+    return {name: status for name, status in found.items() if name != "goal"}
 
 
 def at(name: str) -> Callable[[Bodies, Pairs], Any]:

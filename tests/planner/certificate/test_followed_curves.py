@@ -68,9 +68,9 @@ def values(check: PathCheck, held: Any, curve: Curve, spans: tuple[Any, Any, Any
     frames = check.chain.frames(check.robot.pin_q(middle))
     low, high = curve.bounds()
     travel = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
-    asked = held.on(*spans)
-    found = asked.found(*frames)
-    return found, asked.bound(Part(check.chain, *frames, delta, off, travel), found)
+    valued = held.on(*spans)
+    found = valued.found(*frames)
+    return found, valued.bound(Part(check.chain, *frames, delta, off, travel), found)
 
 
 @pytest.mark.parametrize("name", TOOLS)
@@ -301,7 +301,7 @@ def test_bad_curves_are_refused() -> None:
     with pytest.raises(InputError, match=r"need limits\.acceleration"):
         Certifier(slow)
     with pytest.raises(InputError, match="a single motion is not planned along a curve"):
-        hdplan.plan(setup.asked)
+        hdplan.plan(setup.requested)
 
 
 @pytest.mark.skipif(not library(), reason="built without a C compiler")

@@ -42,9 +42,9 @@ def swapped(scene: Scene) -> Scene:
 def test_a_window_lets_a_ball_through_or_does_not(urdf: Path, seed: int) -> None:
     widths = ((0.0, 2.4), (1.9, 2.01))[seed % 2]
     shut, open_ = (crated(urdf, seed, width * RADIUS) for width in widths)
-    said = proven(swapped(shut) if seed % 4 > 1 else shut)
-    assert said.startswith("a ball 100 mm across inside tool cannot get from start to goal, shut off by ")
-    assert "reach" not in said
+    verdict = proven(swapped(shut) if seed % 4 > 1 else shut)
+    assert verdict.startswith("a ball 100 mm across inside tool cannot get from start to goal, shut off by ")
+    assert "reach" not in verdict
     assert not proven(swapped(open_) if seed % 4 > 1 else open_)
 
 
@@ -141,8 +141,8 @@ def test_random_walls_are_as_a_dense_grid_says(urdf: Path, seed: int) -> None:
         for i, (at, size, quaternion) in enumerate(boxes)
     )
     ends = {"start": PLACES[start].tolist(), "goal": PLACES[goal].tolist()}
-    said = proven(Scene(name="room", robot=hdplan.RobotSpec(urdf=str(urdf)), obstacles=obstacles, **ends))
-    assert joined(away > RADIUS + 0.5 * GRID_STEP, start, goal) == (not said) == (seed % 2 == 0)
+    verdict = proven(Scene(name="room", robot=hdplan.RobotSpec(urdf=str(urdf)), obstacles=obstacles, **ends))
+    assert joined(away > RADIUS + 0.5 * GRID_STEP, start, goal) == (not verdict) == (seed % 2 == 0)
 
 
 def partition(rng: np.random.Generator, width: float) -> list[tuple[Array, Array, Array]]:

@@ -59,8 +59,8 @@ def spec_of(name: str, folder: Path, base: Pose) -> RobotSpec:
     return RobotSpec(name=name, base=base)
 
 
-def scene_of(spec: RobotSpec, *asked: Upright | Within) -> Scene:
-    given = {"upright" if isinstance(each, Upright) else "position": each for each in asked}
+def scene_of(spec: RobotSpec, *constraints: Upright | Within) -> Scene:
+    given = {"upright" if isinstance(each, Upright) else "position": each for each in constraints}
     ends = (JointTarget("start", state="default"), JointTarget("goal", state="default"))
     return Scene("test", Path("test.yaml"), spec, (), *ends, path=PathConstraints(**given))
 
@@ -230,8 +230,8 @@ def test_the_certificate_says_what_is_kept_or_where_it_is_not() -> None:
     nodded = turned + [0, 0, 0, -0.3, 0, 0]
     bare = dataclasses.replace(scene, obstacles=())
 
-    def verdict(rows: list[Array], *asked: Upright | Within) -> Certificate:
-        held = dataclasses.replace(bare, path=scene_of(scene.robot, *asked).path)
+    def verdict(rows: list[Array], *constraints: Upright | Within) -> Certificate:
+        held = dataclasses.replace(bare, path=scene_of(scene.robot, *constraints).path)
         certifier = Certifier(Setup.of(held, robot))
         return certifier.certify(Trajectory(robot.joint_names, np.array(rows)), check_ends=False)
 

@@ -71,8 +71,8 @@ def spec_of(name: str, folder: Path, base: Pose = Pose()) -> RobotSpec:
     return RobotSpec(urdf=folder / "two_arms.urdf", base=base)
 
 
-def scene_of(spec: RobotSpec, asked: Relative, start: Array) -> Scene:
-    return Scene("test", Path("test.yaml"), spec, (), start, start, path=PathConstraints(relative=asked))
+def scene_of(spec: RobotSpec, constraint: Relative, start: Array) -> Scene:
+    return Scene("test", Path("test.yaml"), spec, (), start, start, path=PathConstraints(relative=constraint))
 
 
 def place(robot: Robot, link: str, q: Array) -> pin.SE3:
@@ -81,11 +81,11 @@ def place(robot: Robot, link: str, q: Array) -> pin.SE3:
     return data.oMf[robot.model.getFrameId(link)].copy()
 
 
-def sampled(robot: Robot, asked: Relative, held: pin.SE3, q: Array) -> tuple[Array, Array]:
+def sampled(robot: Robot, constraint: Relative, held: pin.SE3, q: Array) -> tuple[Array, Array]:
     """Distance and angle at configurations (k, n), in the other link's frame and by the logarithm."""
     found = []
     for row in q:
-        pose = place(robot, asked.to, row).actInv(place(robot, asked.link, row))
+        pose = place(robot, constraint.to, row).actInv(place(robot, constraint.link, row))
         turn = float(np.linalg.norm(pin.log3(held.rotation.T @ pose.rotation)))
         found.append((float(np.linalg.norm(pose.translation - held.translation)), turn))
     return np.array(found)[:, 0], np.array(found)[:, 1]
@@ -125,22 +125,22 @@ def test_dense_samples_never_find_more_than_is_proven(name: str, turned: bool, t
         held = place(robot, to, curve.rows[0]).actInv(place(robot, link, curve.rows[0]))
         if kind % 2:
             held = held * pin.SE3(pin.exp3(rng.normal(size=3) * 0.3), rng.normal(size=3) * 0.1)
-        asked = Relative(link, to, pose_of(held))
-        values = dict(zip(FIELDS, sampled(robot, asked, held, q), strict=True))
+        constraint = Relative(link, to, pose_of(held))
+        values = dict(zip(FIELDS, sampled(robot, constraint, held, q), strict=True))
         # a tolerance that the motion breaks, grazes or keeps
         factor = [0.7, 1.0001, 1.1][(kind + kind // 3) % 3]
         allowed = [
             float(np.clip(values[each].max() * factor, 1e-3, most))
             for each, most in zip(FIELDS, (1.0, math.pi), strict=True)
         ]
-        asked = dataclasses.replace(asked, position_tolerance=allowed[0], orientation_tolerance=allowed[1])
-        proof = proof_of(robot, scene_of(spec, asked, curve.rows[0]), curve)
+        constraint = dataclasses.replace(constraint, position_tolerance=allowed[0], orientation_tolerance=allowed[1])
+        proof = proof_of(robot, scene_of(spec, constraint, curve.rows[0]), curve)
         assert tuple(kept.field for kept in proof.kept) == FIELDS
         for kept in proof.kept:
             seen.add((kept.field, is_broken(proof, kept, values[kept.field], interval, kept.allowed)))
         for departure in proof.departures:
             at = curve.at(np.array([departure.interval]), np.array([departure.fraction]))
-            met = dict(zip(FIELDS, sampled(robot, asked, held, at), strict=True))[departure.field][0]
+            met = dict(zip(FIELDS, sampled(robot, constraint, held, at), strict=True))[departure.field][0]
             assert met == pytest.approx(departure.found, abs=1e-7)
     assert seen == set(itertools.product(FIELDS, (False, True)))
 
@@ -194,15 +194,15 @@ def test_the_certificate_says_what_is_kept_or_where_it_is_not(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("asked", "said"),
+    ("constraint", "message"),
     [
         (Relative("lft", "right"), r"path\.relative\.link: unknown link 'lft' \(did you mean 'left'\?\)"),
         (Relative("left", "rihgt"), r"path\.relative\.to: unknown link 'rihgt' \(did you mean 'right'\?\)"),
         (Relative("left", "left4"), r"path\.relative: 'left' and 'left4' do not move relative to each other"),
     ],
 )
-def test_links_that_cannot_be_meant_are_refused_by_name(asked: Relative, said: str, tmp_path: Path) -> None:
+def test_links_that_cannot_be_meant_are_refused_by_name(constraint: Relative, message: str, tmp_path: Path) -> None:
     spec = spec_of("two_arms", tmp_path)
     robot = load_robot(spec)
-    with pytest.raises(InputError, match=rf"test\.yaml: {said}"):
-        Certifier(Setup.of(scene_of(spec, asked, np.zeros(robot.n)), robot))
+    with pytest.raises(InputError, match=rf"test\.yaml: {message}"):
+        Certifier(Setup.of(scene_of(spec, constraint, np.zeros(robot.n)), robot))

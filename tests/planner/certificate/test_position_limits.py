@@ -43,10 +43,10 @@ def test_a_motion_is_beyond_where_a_dense_look_finds_it_beyond(held: int) -> Non
             upper[joint] = dense[:, joint].max() - room
         elif not fits:
             lower[joint] = dense[:, joint].min() + room
-        said = beyond_limits(curve, replace(robot, lower=lower, upper=upper))
-        assert (said is None) is fits, said
+        departures = beyond_limits(curve, replace(robot, lower=lower, upper=upper))
+        assert (departures is None) is fits, departures
         if not fits:
-            assert robot.joint_names[joint] in str(said)
+            assert robot.joint_names[joint] in str(departures)
         stretch = 10.0 ** rng.uniform(-3, 3)
         slow = Curve.through(values[0], times * stretch, *(values[i] / stretch**i for i in range(1, held)))
         assert (beyond_limits(slow, replace(robot, lower=lower, upper=upper)) is None) is fits

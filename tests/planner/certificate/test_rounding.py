@@ -131,7 +131,7 @@ def test_moving_obstacles_are_placed_to_what_is_taken_off() -> None:
     assert worst < ROUNDING < late
 
 
-def test_the_bounds_are_where_they_are_said_to_be(slide: Scene) -> None:
+def test_the_bounds_are_where_they_are_stated(slide: Scene) -> None:
     """Just within them a motion is looked at; just beyond, the error names the field, the value and what is allowed."""
     far = SHARE / UNIT / PLACING
     still = Trajectory(("turn", "slide"), np.zeros((2, 2)))
@@ -250,7 +250,7 @@ def test_wild_numbers_are_refused_or_judged_and_never_overflow(wild: str, thing:
 def test_a_stretch_of_time_changes_no_verdict_about_places(slide: Scene) -> None:
     scene = replace(slide, obstacles=(ball((0.22, 0.56, 0.36)),))
     for end, free in ((0.2, True), (2.0, False)):
-        said = set()
+        statuses = set()
         for exponent in (-50, -9, 0, 9, 50):
             stretch = 10.0**exponent
             rows = np.array([[0.0, 0.0], [end, 0.1]])
@@ -259,5 +259,5 @@ def test_a_stretch_of_time_changes_no_verdict_about_places(slide: Scene) -> None
                 scene, motion(positions=rows, times=np.array([0.0, stretch]), velocities=rates), check_ends=False
             )
             assert found.certified is free, found.text
-            said.add((found.status, found.clearance))
-        assert len(said) <= 2  # but for the last digit
+            statuses.add((found.status, found.clearance))
+        assert len(statuses) <= 2  # but for the last digit

@@ -130,7 +130,7 @@ def test_a_torque_exactly_at_its_limit_is_not_called_proven() -> None:
     assert "to tell" in verdict.text or verdict.exceeded
 
 
-def test_gravity_that_no_speed_helps_against_is_told_apart() -> None:
+def test_gravity_that_no_speed_helps_against_is_a_cause_of_its_own() -> None:
     """The stretched arm in a vertical plane is too heavy for its shoulder where it lies level."""
     robot = _robot("planar", Path())
     limits = np.array([15.0, 10.0])

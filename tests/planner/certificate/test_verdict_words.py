@@ -11,9 +11,9 @@ def test_lengths_that_are_proven_are_rounded_down() -> None:
     found = [*(10 ** np.random.default_rng(38).uniform(-6.0, 2.0, 500)).tolist(), 0.014896, 0.9999, 0.99999999, 1.9999]
     for length in found:
         number, unit = proven_length(length).split()
-        said = float(number) * {"mm": 1e-3, "m": 1.0}[unit]
-        assert said <= length * (1.0 + 1e-12)  # the product is rounded
-        assert said > 0.99 * length
+        stated = float(number) * {"mm": 1e-3, "m": 1.0}[unit]
+        assert stated <= length * (1.0 + 1e-12)  # the product is rounded
+        assert stated > 0.99 * length
     assert proven_length(0.0) == "0 mm"
 
 
@@ -25,6 +25,6 @@ def test_bounds_that_are_proven_are_rounded_up() -> None:
     shares = np.random.default_rng(40).uniform(0.0, 1.2, 500).tolist()
     for share in shares:
         for decimals in (0, 1):
-            told = float(share_of_limit(share, decimals).rstrip("%"))
-            assert 100.0 * share - 1e-6 <= told <= 100.0 * share + 10.0**-decimals
+            stated = float(share_of_limit(share, decimals).rstrip("%"))
+            assert 100.0 * share - 1e-6 <= stated <= 100.0 * share + 10.0**-decimals
     assert (share_of_limit(1.0 + 1e-9), share_of_limit(0.994), share_of_limit(np.inf)) == ("100%", "100%", "inf%")

@@ -51,7 +51,7 @@ def test_every_ball_is_inside_one_body(planes: str, closely: bool, edge: float, 
     assert all((body.half_size <= 0.5 * np.sqrt(3.0) * edge + 0.0101).all() for body in bodies)
 
 
-def test_merging_is_told_and_contains_the_points() -> None:
+def test_merging_is_reported_and_contains_the_points() -> None:
     rng = np.random.default_rng(0)
     points = rng.uniform(-0.2, 0.2, size=(5000, 3)) * [1, 1, 0]
     few, notes = from_cloud("view", Cloud(points, 0.005, voxel=0.02), Pose(), "box")
@@ -62,7 +62,7 @@ def test_merging_is_told_and_contains_the_points() -> None:
     assert from_cloud("view", Cloud(points, 0.005), Pose(), "box")[1] == ()
 
 
-def test_a_cloud_in_millimetres_is_told() -> None:
+def test_a_cloud_in_millimetres_is_reported() -> None:
     points = np.random.default_rng(0).uniform(-2000.0, 2000.0, size=(100, 3))
     _, (note,) = from_cloud("view", Cloud(points, 0.005), Pose(), "box")
     assert "is it in millimetres? hdplan takes metres" in note
@@ -162,11 +162,11 @@ def test_other_points_in_a_built_problem_are_as_if_it_was_built_with_them() -> N
     rng, scene = np.random.default_rng(0), load_scene("panda_cage")
     first, second = (rng.uniform([0.3, -0.4, 0.0], [0.8, 0.4, 0.4], size=(2000, 3)) for _ in range(2))
 
-    def asked(points: Array) -> Scene:
+    def scene_of(points: Array) -> Scene:
         view = Obstacle("view", Cloud(points, 0.005, voxel=0.01), Pose((0.0, 0.0, 0.2)))
         return dataclasses.replace(scene, obstacles=(*scene.obstacles, view))
 
-    built, swapped = hdplan.build(asked(second)), hdplan.build(asked(first)).with_cloud(second)
+    built, swapped = hdplan.build(scene_of(second)), hdplan.build(scene_of(first)).with_cloud(second)
     guess = built.polyline()
     for name in ("cost", "smoothness", "depth"):
         np.testing.assert_array_equal(
@@ -174,7 +174,7 @@ def test_other_points_in_a_built_problem_are_as_if_it_was_built_with_them() -> N
         )
     assert swapped.scene == built.scene
     assert swapped.notes == built.notes
-    assert swapped.evaluate(guess, 1e3).cost != hdplan.build(asked(first)).evaluate(guess, 1e3).cost
+    assert swapped.evaluate(guess, 1e3).cost != hdplan.build(scene_of(first)).evaluate(guess, 1e3).cost
     with pytest.raises(InputError, match=r"no cloud is named 'vew' .did you mean 'view'"):
         built.with_cloud(first, "vew")
     with pytest.raises(InputError, match="holds no points"):

@@ -195,16 +195,16 @@ def test_of_a_robot_of_which_one_link_changed_one_link_is_fitted(
 ) -> None:
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
     box, rod, ball = '<box size="0.4 0.1 0.1"/>', '<cylinder radius="0.05" length="0.3"/>', '<sphere radius="0.1"/>'
-    told: list[str] = []
-    with listening(told.append):
+    notes: list[str] = []
+    with listening(notes.append):
         first = link_bodies(_arm(tmp_path, "first", box, rod))
-        assert [line.split(",")[0] for line in told] == ["fitting bodies to upper", "fitting bodies to fore"]
-        told.clear()
+        assert [line.split(",")[0] for line in notes] == ["fitting bodies to upper", "fitting bodies to fore"]
+        notes.clear()
         changed = link_bodies(_arm(tmp_path, "second", box, ball))
-        assert told == ["fitting bodies to fore, link 2 of 2 of second"]
-        told.clear()
+        assert notes == ["fitting bodies to fore, link 2 of 2 of second"]
+        notes.clear()
         again = link_bodies(_arm(tmp_path, "third", box, rod))  # by content: whatever the robot's name
-        assert told == []
+        assert notes == []
     for a, b in zip(first, again, strict=True):
         np.testing.assert_array_equal(a.body.vertices, b.body.vertices)
         assert a.body.radius == b.body.radius
@@ -304,10 +304,10 @@ def test_distances_to_many_hulls_at_once_are_those_one_by_one(count: int) -> Non
 def test_many_bowls_are_descended_side_by_side() -> None:
     random = np.random.default_rng(0)
     low, bent = random.normal(size=(7, 4)), random.uniform(0.1, 30.0, (7, 4))
-    asked = []
+    calls = []
 
     def bowls(x: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        asked.append(len(rows))
+        calls.append(len(rows))
         away = x - low[rows]
         return (bent[rows] * away**2).sum(1) + 1.0, 2 * bent[rows] * away
 
@@ -315,7 +315,7 @@ def test_many_bowls_are_descended_side_by_side() -> None:
     ends = minimized(bowls, start, 100)
     everyone = np.arange(7)
     assert np.all(bowls(ends, everyone)[0] <= 1.03)
-    assert min(asked) < 7  # who has arrived waits for nobody
+    assert min(calls) < 7  # who has arrived waits for nobody
     alone = minimized(lambda x, rows: bowls(x, everyone[3:4]), start[3:4], 100)
     np.testing.assert_allclose(alone[0], ends[3], atol=1e-9)
 

@@ -196,7 +196,7 @@ def test_the_loop_finds_the_distance_of_bodies_that_stand(seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5", "kinova", "two arms", "gantry"])
-def test_a_box_keeps_what_is_said_of_it(name: str, folder: Path) -> None:
+def test_a_box_keeps_its_stated_bounds(name: str, folder: Path) -> None:
     """The inequality of the module's head, at random places and corners of random boxes, of any pair at all."""
     arm, rng = named(name, folder), np.random.default_rng(4)
     witness = Witness(arm)

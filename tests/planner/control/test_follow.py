@@ -141,7 +141,7 @@ def test_a_way_that_stays_blocked_is_given_up(
 
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(2))
-def test_check_says_of_the_written_motion_what_follow_said(
+def test_check_reports_of_the_written_motion_what_follow_reported(
     seed: int, tmp_path: Path, room: Scene, robot: Robot
 ) -> None:
     """Random motions and obstacles that come, with limits on velocities and accelerations; nothing jumps."""
@@ -279,7 +279,7 @@ def test_command(
         (["--limits", "jerk=-1"], "--limits jerk=-1: must be"),
     ],
 )
-def test_what_an_option_does_not_allow_is_said_of_the_option(
+def test_what_an_option_does_not_allow_is_reported_with_the_option(
     given: list[str], named: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, out, err = in_process(monkeypatch, capsys)("follow", "panda_gate", "plan.json", *given)

@@ -43,11 +43,13 @@ def test_its_jacobian_is_the_derivative_of_the_relative_pose(baxter: Robot, free
     for q in baxter.draw(rng, 3):
         keep = None if free == "all" else pose_of(between(baxter, q, RIGHT, LEFT))
         at = keep or Pose(tuple(between(baxter, q, RIGHT, LEFT)[:3, 3].tolist()))
-        asked = RelativePose.of(baxter, PoseTarget(RIGHT, at, free_rotation=free), LEFT)
-        error, jacobian = asked.linearized(q[None])
+        relative = RelativePose.of(baxter, PoseTarget(RIGHT, at, free_rotation=free), LEFT)
+        error, jacobian = relative.linearized(q[None])
         np.testing.assert_allclose(error, 0.0, atol=1e-7)
         for u in rng.normal(size=(3, baxter.n)):
-            change = (asked.linearized((q + h * u)[None])[0][0] - asked.linearized((q - h * u)[None])[0][0]) / (2 * h)
+            change = (relative.linearized((q + h * u)[None])[0][0] - relative.linearized((q - h * u)[None])[0][0]) / (
+                2 * h
+            )
             np.testing.assert_allclose(change, -jacobian[0] @ u, atol=1e-6)
 
 
@@ -86,12 +88,12 @@ def test_it_is_met_while_the_other_arm_moves(baxter: Robot) -> None:
 
 def test_what_does_not_move_apart_is_refused_in_one_line(baxter: Robot) -> None:
     target = PoseTarget(RIGHT, Pose((0.0, 0.0, 0.1)))
-    for to, said in (
+    for to, message in (
         ("right_grippr", "to: unknown link 'right_grippr'.*right_gripper"),
         (RIGHT, f"'{RIGHT}' and '{RIGHT}' do not move relative to each other"),
         (3, "to: must be"),
         ("", "to"),
     ):
-        with pytest.raises(InputError, match=said) as refused:
+        with pytest.raises(InputError, match=message) as refused:
             PoseTask(baxter, target, to=to).objective(np.zeros(baxter.n), 0.0)
         assert "\n" not in str(refused.value)

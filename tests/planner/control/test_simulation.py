@@ -109,7 +109,7 @@ def test_torques_that_the_check_allows_track_within_a_milliradian() -> None:
     kept = execute(Arm(model, robot), motion.curve, needed)
     assert not kept.lost
     assert np.abs(kept.errors).max() < 1e-5
-    assert (np.abs(kept.asked).max(axis=0) <= needed * 1.001 + 1e-6).all()
+    assert (np.abs(kept.commanded).max(axis=0) <= needed * 1.001 + 1e-6).all()
     np.testing.assert_allclose(kept.times[-1], 1.0, atol=1e-12)
     hard = execute(Arm(model, robot), motion.curve, needed * 0.7)
     assert hard.lost
@@ -227,7 +227,7 @@ def test_corners_are_infinite_accelerations() -> None:
     assert seen.joints[0].peaks["jerk"].value == np.inf
 
 
-def test_times_are_asked_for_where_they_matter() -> None:
+def test_times_are_requested_where_they_matter() -> None:
     robot = load_robot(PANDA)
     motion = _reach(robot)
     path = Trajectory(motion.joint_names, motion.positions, motion.locked)

@@ -115,12 +115,12 @@ class Writer:
         rows = self.rng.uniform(-9, 9, (len(points), stride))
         rows[:, [params.index(axis) for axis in "XYZ"]] = points
         numbers = [self.number(x) for x in (*np.zeros(first), *rows.ravel())]
-        told = "".join(f'<param{f" name={chr(34)}{p}{chr(34)}" if p else ""} type="float"/>' for p in params)
+        parameters = "".join(f'<param{f" name={chr(34)}{p}{chr(34)}" if p else ""} type="float"/>' for p in params)
         offset = f' offset="{first}"' if first else ""
         return (
             f'<source id="{name}"><float_array id="{name}a" count="{len(numbers)}">{self.words(numbers)}</float_array>'
-            f'<technique_common><accessor source="#{name}a" count="{len(points)}" stride="{stride}"{offset}>{told}'
-            f"</accessor></technique_common></source>"
+            f'<technique_common><accessor source="#{name}a" count="{len(points)}" stride="{stride}"{offset}>'
+            f"{parameters}</accessor></technique_common></source>"
         )
 
     def element(self, name: str, count: int, polygons: list[list[int]]) -> tuple[str, list[list[int]]]:

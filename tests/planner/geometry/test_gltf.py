@@ -54,7 +54,7 @@ class Writer:
         self.top["buffers"] = [{"byteLength": len(self.data)}]
         self.triangles = np.concatenate([each for _, each in tops])
 
-    def view(self, rows: np.ndarray, stride: int = 0, told: bool = False) -> int:
+    def view(self, rows: np.ndarray, stride: int = 0, declared: bool = False) -> int:
         """Store rows of values, `stride` bytes apart."""
         width = rows.dtype.itemsize * rows.shape[1]
         stride = max(stride, width)
@@ -65,7 +65,7 @@ class Writer:
         view = {"buffer": 0, "byteOffset": first, "byteLength": len(self.data) - first}
         if first == 0 and self.rng.random() < 0.5:
             del view["byteOffset"]
-        self.top["bufferViews"].append(view | ({"byteStride": stride} if told else {}))
+        self.top["bufferViews"].append(view | ({"byteStride": stride} if declared else {}))
         return len(self.top["bufferViews"]) - 1
 
     def accessor(self, rows: np.ndarray, normalized: bool = False) -> int:

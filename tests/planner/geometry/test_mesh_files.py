@@ -110,15 +110,15 @@ def test_damaged_files_are_read_or_refused_in_one_line(tmp_path: Path, capfd: py
         try:
             mesh = load_mesh(Mesh(path), "obstacles.thing")
         except InputError as error:
-            said = str(error)
+            message = str(error)
         else:
-            read, said = read + 1, ""
+            read, message = read + 1, ""
             assert np.isfinite(mesh.vertices).all()
             assert len(mesh_pieces(mesh)) <= MOST_PIECES
-        if said:
+        if message:
             where, words = (
-                said[: len(f"obstacles.thing: mesh {path}: ")],
-                said[len(f"obstacles.thing: mesh {path}: ") :],
+                message[: len(f"obstacles.thing: mesh {path}: ")],
+                message[len(f"obstacles.thing: mesh {path}: ") :],
             )
             assert where == f"obstacles.thing: mesh {path}: "
             assert words.isprintable()
@@ -165,7 +165,7 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
         ("a.stp", "", r"format '.stp' is not known \(did you mean 'stl'\?\)"),
     ],
 )
-def test_what_is_wrong_is_said_with_its_line(tmp_path: Path, name: str, content: str, words: str) -> None:
+def test_what_is_wrong_is_reported_with_its_line(tmp_path: Path, name: str, content: str, words: str) -> None:
     (tmp_path / name).write_text(content)
     with pytest.raises(InputError, match=words):
         mesh_files.read_mesh_file(tmp_path / name)

@@ -108,24 +108,24 @@ def test_nothing_behind_the_door_opens_a_file(folder: Path) -> None:
     assert page_of(setup, [ShownMotion.of("swept", motion, Certifier(setup), certificate)])
     aimed = setup.aiming_at(JointTarget("goal", (0.3,)))
     assert Certifier(aimed).nearest(np.array([0.3])) == Certifier(setup).nearest(np.array([0.3]))
-    assert setup.asked.obstacles[0] == scene.obstacles[0]  # by its file, to be shown and saved
+    assert setup.requested.obstacles[0] == scene.obstacles[0]  # by its file, to be shown and saved
 
 
 def test_a_file_is_read_once_and_anew_when_it_changes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, asked = scene_of(folder), list[Path]()
+    scene, events = scene_of(folder), list[Path]()
 
     def counted(shape: Mesh, where: str, upright: bool) -> TriangleMesh:
-        asked.append(shape.file)
+        events.append(shape.file)
         return load_mesh(shape, where, upright)
 
     monkeypatch.setattr("hdplan.planner.geometry.opened.load_mesh", counted)
     first = Setup.of(scene)
-    count = len(asked)
+    count = len(events)
     assert Setup.of(replace(scene, name="again")).scene.obstacles == first.scene.obstacles
-    assert len(asked) == count
+    assert len(events) == count
     trimesh.creation.box((0.1, 0.1, 0.3)).export(folder / "ring.stl")
     changed = Setup.of(scene)
-    assert len(asked) > count
+    assert len(events) > count
     assert changed.scene.obstacles[0] != first.scene.obstacles[0]
     assert changed.robot is not first.robot
 

@@ -15,7 +15,7 @@ from hdplan.verify.compare import plain
 from hdplan.verify.job import read_job
 from hdplan.verify.kernel import MAGIC, unpack
 
-Told = list[dict[str, Any]]
+Worlds = list[dict[str, Any]]
 
 
 def written(result: hdplan.JobResult, folder: Path) -> tuple[Path, Path]:
@@ -41,7 +41,7 @@ def rewritten(part: bytes, change: Callable[[dict[str, Any], dict[str, Any]], No
     return MAGIC + zlib.compress(b"\n".join([*lines, rest]))
 
 
-def worlds(data: bytes) -> Told:
+def worlds(data: bytes) -> Worlds:
     return [json.loads(unpack(x)[1]) for x in parts_of(data)]
 
 

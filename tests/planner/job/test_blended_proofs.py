@@ -86,13 +86,13 @@ def checked(files: Files) -> Any:
     return check_job(*files)
 
 
-def told(data: bytes) -> list[dict[str, Any]]:
+def worlds_of(data: bytes) -> list[dict[str, Any]]:
     return [json.loads(unpack(x)[1]) for x in parts_of(data)]
 
 
 def claimed(scene: Path, motion: Path, data: bytes) -> list[Part]:
     """The worlds of a forged job, once all that they want beside clearances is shown: with less, no proof is whole."""
-    parts = read_job(scene, motion, told(data))
+    parts = read_job(scene, motion, worlds_of(data))
     for part in parts:
         world = World(part.reading.world, {})
         for claim in sorted(wanted(world), key=lambda x: x != "path"):
@@ -270,7 +270,7 @@ def test_the_proof_tells_no_other_world(
 
 def test_a_proof_tells_no_other_rates_and_no_other_curve(files: Files) -> None:
     scene, motion, data = files
-    worlds = told(data)
+    worlds = worlds_of(data)
     parts = {part.name: (part, world) for part, world in zip(read_job(scene, motion, worlds), worlds, strict=True)}
     part, world = parts["stage over"]
     (path,) = world["path"]
@@ -349,7 +349,7 @@ def test_no_peak_of_speed_between_rows_is_accepted(files: Files, tmp_path: Path,
         changed = Trajectory.load(other)
         times, places = tool_places(changed, max(row - 2, rows["over"]), min(row + 2, rows["open"]))
         fastest = np.linalg.norm(np.diff(places, axis=0), axis=1).max() / np.diff(times).max()
-        parts = [x for x in read_job(scene, other, told(data)) if x.name in ("stage over", "stage round")]
+        parts = [x for x in read_job(scene, other, worlds_of(data)) if x.name in ("stage over", "stage round")]
         try:
             for part in parts:
                 check_follow(World(part.reading.world, {}), part.reading.world["path"][0])
@@ -363,13 +363,17 @@ def test_no_peak_of_speed_between_rows_is_accepted(files: Files, tmp_path: Path,
 def test_a_curve_is_followed_to_its_end_and_never_back(files: Files) -> None:
     """The same line in other rows: forth is accepted, and neither what turns round, nor what is cut short."""
     scene, motion, data = files
-    (part,) = [x for x in read_job(scene, motion, told(data)) if x.name == "stage down"]
+    (part,) = [x for x in read_job(scene, motion, worlds_of(data)) if x.name == "stage down"]
     rows = part.reading.world["motion"]["positions"]
     (path,) = part.reading.world["path"]
 
     def follows(chosen: list[int], **changes: Any) -> None:
-        said = {"rule": "linear", "times": None, "positions": [rows[i] for i in chosen]}
-        world = {**part.reading.world, "motion": said, "limits": {"position": part.reading.world["limits"]["position"]}}
+        motion_data = {"rule": "linear", "times": None, "positions": [rows[i] for i in chosen]}
+        world = {
+            **part.reading.world,
+            "motion": motion_data,
+            "limits": {"position": part.reading.world["limits"]["position"]},
+        }
         check_follow(World(world, {}), {**path, **changes})
 
     last = len(rows) - 1

@@ -312,8 +312,8 @@ def test_the_middle_of_a_blend_excuses_no_lesser_clearance(planned: JobResult) -
     assert found.certified
     assert found.clearance is not None
     for share in (0.9, 1.2):
-        asked = replace(scene, planner=hdplan.PlannerSettings(clearance=share * found.clearance))
-        assert hdplan.certify_job(asked, motion).certified is (share < 1.0)
+        requested = replace(scene, planner=hdplan.PlannerSettings(clearance=share * found.clearance))
+        assert hdplan.certify_job(requested, motion).certified is (share < 1.0)
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -372,18 +372,18 @@ def test_a_blend_that_would_be_slower_is_a_stop(tmp_path: Path) -> None:
     result = hdplan.plan_job(scene)
     assert result.certified
     assert "each from rest to rest" in result.text
-    said = [note for note in result.notes if note.startswith("there: ")]
-    assert any("stops at its end, where the job blends it into 'back'" in note for note in said)
-    assert any("not blended into 'back': it would take" in note for note in said)
+    notes = [note for note in result.notes if note.startswith("there: ")]
+    assert any("stops at its end, where the job blends it into 'back'" in note for note in notes)
+    assert any("not blended into 'back': it would take" in note for note in notes)
     assert hdplan.certify_job(scene, result.trajectory).text == result.text
     proof = prove_certified(result.certificate, *written(result, tmp_path))
     assert proof.text.startswith("accepted: a job of 2 stages")
     assert "stops, where the job blends it into the next" in proof.text
-    said = json.loads((tmp_path / "job.json").read_text())
-    row = said["stages"][1]["row"]
+    notes = json.loads((tmp_path / "job.json").read_text())
+    row = notes["stages"][1]["row"]
     for mark, creeps in ((row, 1e-9), (row - 1, 0.0), (row + 1, 0.0)):
-        said["stages"][1]["row"], said["velocities"][row][0] = mark, creeps
-        (tmp_path / "job.json").write_text(json.dumps(said))
+        notes["stages"][1]["row"], notes["velocities"][row][0] = mark, creeps
+        (tmp_path / "job.json").write_text(json.dumps(notes))
         with pytest.raises(RejectedError):
             check_job(tmp_path / "scene.yaml", tmp_path / "job.json", proof.data)
 

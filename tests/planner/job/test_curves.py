@@ -278,7 +278,7 @@ def test_a_line_that_is_driven_there_and_back_and_there_is_not_certified() -> No
         return hdplan.Scene(robot="panda", start="default", limits=limits, job=hdplan.Job(stages))
 
     there, back = hdplan.Line(by=[0.05, 0.0, 0.0]), hdplan.Line(by=[-0.05, 0.0, 0.0])
-    assert hdplan.plan_job(asked := scene(replace(there, name="once"))).certified
+    assert hdplan.plan_job(once := scene(replace(there, name="once"))).certified
     motion = hdplan.plan_job(scene(there, back, there)).trajectory
     thrice = replace(motion, stages=(replace(motion.stages[0], name="once"),))
-    assert "off path" in hdplan.certify_job(asked, thrice).text
+    assert "off path" in hdplan.certify_job(once, thrice).text

@@ -160,7 +160,7 @@ def test_a_forged_motion_is_rejected(files: Files, tmp_path: Path) -> None:
 def test_a_proof_cannot_say_who_holds_it(files: Files) -> None:
     """Another carrier, another place, another list of what may touch, another link that is led, in any stage."""
     scene, motion, data = files
-    told = worlds(data)
+    parts = worlds(data)
 
     def bars(**changes: Any) -> Callable[[dict[str, Any]], Any]:
         return lambda x: x.update(bodies=[{**y, **changes} if y["name"] == "bar" else y for y in x["bodies"]])
@@ -174,7 +174,7 @@ def test_a_proof_cannot_say_who_holds_it(files: Files) -> None:
         lambda x: [y.update(link="right") for z in x["goal"] for y in z.get("poses", [])],
     ]  # fmt: skip
     tried = 0
-    for part, world in zip(read_job(scene, motion, told), told, strict=True):
+    for part, world in zip(read_job(scene, motion, parts), parts, strict=True):
         check_part(part, world)
         for change in changes:
             forged = json.loads(json.dumps(world))
@@ -198,8 +198,8 @@ def test_a_single_motion_leads_what_is_held(scene: hdplan.Scene, tmp_path: Path)
     result.save(tmp_path / "motion.json")
     proof = hdplan.prove(tmp_path / "scene.yaml", tmp_path / "motion.json")
     assert proof.text.startswith("accepted: ")
-    (said,) = [line for line in proof.text.splitlines() if line.startswith("  also proven: ")]
-    assert {"goal", "path"} <= {*said.removeprefix("  also proven: ").split(", ")}
+    (text,) = [line for line in proof.text.splitlines() if line.startswith("  also proven: ")]
+    assert {"goal", "path"} <= {*text.removeprefix("  also proven: ").split(", ")}
     head, world, rest = unpacked(proof.data)
     other = tmp_path / "other.yaml"
     for link in ("left", "right", "root", "cup"):

@@ -37,7 +37,7 @@ def test_all_grasps_are_tried_plainly_before_ways_along_curves(monkeypatch: pyte
         hdplan.Line(to=[0.5, -0.3, 0.066], touch=[["bar", "floor"]], name="lower"),
     ])  # fmt: skip
     looked_for: list[object] = []
-    monkeypatch.setattr(Certain, "ways_along", lambda *asked: iter(looked_for.append(asked) or ()))
+    monkeypatch.setattr(Certain, "ways_along", lambda *arguments: iter(looked_for.append(arguments) or ()))
     limits = hdplan.Limits(acceleration=4.0)
     scene = hdplan.Scene(robot="panda", obstacles=[floor, bar, *sides], start="default", limits=limits, job=job)
     result = hdplan.plan_job(scene)
@@ -60,7 +60,7 @@ class Slow(Search):
     def _goals(self, world: Any, number: int) -> Aims:
         return Aims(JointTarget(name, (float(i),)) for i, name in enumerate("AB" if number != 2 else "C"))
 
-    def _look_ahead(self, *asked: Any) -> None:
+    def _look_ahead(self, *arguments: Any) -> None:
         """Refuse nothing."""
 
     def _moved(self, world: Any, number: int, goal: JointTarget, others: bool) -> Any:

@@ -32,10 +32,14 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
 
 def test_commands_take_a_job_or_refuse_it(command: Command) -> None:
     code, out, _ = command("plan job.yaml -o motion.json --json")
-    said = json.loads(out)
-    assert (code, said["status"], [each["stage"] for each in said["stages"]]) == (0, "certified", ["down", "stand"])
+    content = json.loads(out)
+    assert (code, content["status"], [each["stage"] for each in content["stages"]]) == (
+        0,
+        "certified",
+        ["down", "stand"],
+    )
     code, out, _ = command("check job.yaml motion.json")
-    assert (code, out.splitlines()[0]) == (0, f"{said['text']}")
+    assert (code, out.splitlines()[0]) == (0, f"{content['text']}")
     for line in (
         "follow job.yaml motion.json",
         "explain job.yaml",

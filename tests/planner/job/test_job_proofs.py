@@ -124,8 +124,8 @@ def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
     """A hold left out, another place after release, what may touch told in another stage, limits, joints of the hand,
     the motion: of whatever part."""
     scene, motion, data = files
-    told = worlds(data)
-    parts = read_job(scene, motion, told)
+    written = worlds(data)
+    parts = read_job(scene, motion, written)
 
     def moved(name: str) -> Any:
         return lambda x: bodies(x, name, position=[a + 1e-6 for a in body(x, name)["position"]])
@@ -144,7 +144,7 @@ def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
         lambda x: x.update(clearances={**x["clearances"], "self": -1.0}),
         lambda x: x["motion"]["positions"][1].__setitem__(0, 0.3),
     ]
-    for part, world in zip(parts, told, strict=True):
+    for part, world in zip(parts, written, strict=True):
         check_part(part, world)
         for change in changes:
             forged = json.loads(json.dumps(world, default=plain))
@@ -271,11 +271,11 @@ def test_how_far_pieces_are_apart(seed: int) -> None:
     ]
     for (one, coal_one), (other, coal_other) in itertools.product(shapes, shapes):
         pieces, places = [], []
-        for said in (one, other):
+        for data in (one, other):
             turn = rotated()
             turn[:, 0] *= np.linalg.det(turn)
             at = rng.uniform(-0.3, 0.3, 3)
-            points, _, sweep, off = shape_of(said, "a shape")
+            points, _, sweep, off = shape_of(data, "a shape")
             pieces.append((turn, at, Piece("a", "obstacle", 0, "a", -1, HERE, points, off, sweep[0])))
             places.append(coal.Transform3s(turn, at))
         request, result = coal.DistanceRequest(), coal.DistanceResult()
@@ -312,10 +312,10 @@ def test_what_no_job_knows_of_its_world_is_refused_by_name(files: tuple[Path, Pa
     places = [("obstacles", 0, "uncertainty", unsure), ("obstacles", 1, "uncertainty", unsure)]
     places += [("obstacles", 2, "uncertainty", {"speed": 1e-7})]
     for part, number, key, size in (*places, ("robot", 0, "calibration", unsure), ("robot", 0, "tracking", unsure)):
-        said = yaml.safe_load(path.read_text(encoding="utf-8"))
-        (said[part] if part == "robot" else said[part][number])[key] = size
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        (content[part] if part == "robot" else content[part][number])[key] = size
         other = tmp_path / "other.yaml"
-        other.write_text(json.dumps(said), encoding="utf-8")
+        other.write_text(json.dumps(content), encoding="utf-8")
         with pytest.raises(RejectedError, match=key):
             judged(other, motion, data)
         with pytest.raises(InputError, match=key):
@@ -345,8 +345,8 @@ def test_what_stands_around_may_be_elsewhere_by_a_known_size(scene: Scene, tmp_p
     proof = prove_job(path, motion)
     assert proof.text.startswith("accepted: a job of 5 stages")
     assert "obstacle post is up to 0.02 m, 0.1 rad about its origin and 0 m/s away" in proof.text
-    told = worlds(proof.data)
-    for part, world in zip(read_job(path, motion, told), told, strict=True):
+    parts = worlds(proof.data)
+    for part, world in zip(read_job(path, motion, parts), parts, strict=True):
         check_part(part, world)
         for forged in ({}, {"sizes": {**world["sizes"], "around": {}}}):
             with pytest.raises(RejectedError, match="sizes"):

@@ -36,25 +36,25 @@ def default() -> list[float]:
 @pytest.mark.parametrize("away", [0.0, 0.3])
 def test_an_arm_that_stands_in_something_moves_no_fingers(away: float) -> None:
     box = hdplan.Box([0.05, 0.05, 0.05], name="box", pose=[*(place("panda_link5", default()) - [0.0, away, 0.0])])
-    asked = scene(hdplan.Grip({FINGER: 0.01}), obstacles=[box])
+    requested = scene(hdplan.Grip({FINGER: 0.01}), obstacles=[box])
     if away:
-        result = hdplan.plan_job(asked)
+        result = hdplan.plan_job(requested)
         assert result.certified
         (stage,) = result.certificate.stages
         assert stage.certificate.clearance is not None
-        arm = hdplan.plan_job(replace(asked, goal=None, job=hdplan.Job([hdplan.Wait(0.1)]))).certificate
+        arm = hdplan.plan_job(replace(requested, goal=None, job=hdplan.Job([hdplan.Wait(0.1)]))).certificate
         assert arm.clearance == pytest.approx(stage.certificate.clearance, abs=1e-9)
     else:
         with pytest.raises(hdplan.UnsolvableError, match=r"in contact: panda_link\d and box"):
-            hdplan.plan_job(asked)
+            hdplan.plan_job(requested)
 
 
 def test_what_was_allowed_to_touch_must_not_where_fingers_move() -> None:
     """A box that the wrist stands in, which the stage before allows."""
     box = hdplan.Box([0.05, 0.05, 0.05], name="box", pose=[*place("panda_link5", default())])
     touch = [["box", [f"panda_link{i}" for i in range(8)]]]
-    asked = scene(hdplan.Wait(0.1, touch=touch), hdplan.Grip({FINGER: 0.01}), obstacles=[box])
-    result = hdplan.plan_job(asked)
+    requested = scene(hdplan.Wait(0.1, touch=touch), hdplan.Grip({FINGER: 0.01}), obstacles=[box])
+    result = hdplan.plan_job(requested)
     assert [stage.kind for stage in result.certificate.stages] == ["wait"]
     assert "in contact" in result.failure
 
@@ -94,20 +94,20 @@ def test_points_about_an_object_are_ignored_where_the_job_finds_it() -> None:
     assert "and seen overlap" in found.text
 
 
-def test_a_wait_lasts_as_long_as_it_is_asked_to() -> None:
-    asked = scene(hdplan.Wait(5.0))
-    motion = hdplan.plan_job(asked).trajectory
-    found = hdplan.certify_job(asked, replace(motion, times=[0.0, 4.99]))
+def test_a_wait_lasts_as_long_as_requested() -> None:
+    job = scene(hdplan.Wait(5.0))
+    motion = hdplan.plan_job(job).trajectory
+    found = hdplan.certify_job(job, replace(motion, times=[0.0, 4.99]))
     assert found.text == "stage 'wait 0': wrong ends: the robot waits 4.99 s, the job has 5 s"
-    assert hdplan.certify_job(asked, replace(motion, times=[-2.0, 3.0])).certified
+    assert hdplan.certify_job(job, replace(motion, times=[-2.0, 3.0])).certified
 
 
 def test_fingers_that_close_through_what_they_hold_are_noted() -> None:
     held = hdplan.Attached("bar", "panda_hand", hdplan.Box([0.02, 0.04, 0.02]), [0.0, 0.0, 0.1], HAND)
-    for closed, said in ((0.022, ()), (0.005, tuple(f"close: bar and {finger}" for finger in HAND))):
-        asked = scene(hdplan.Grip({FINGER: closed}, name="close"), attached=[held])
-        notes = hdplan.plan_job(replace(asked, goal=None, start={**_start(), FINGER: 0.03})).notes
-        assert tuple(note.partition(" may touch, and overlap by 15 mm")[0] for note in notes) == said
+    for closed, contacts in ((0.022, ()), (0.005, tuple(f"close: bar and {finger}" for finger in HAND))):
+        job = scene(hdplan.Grip({FINGER: closed}, name="close"), attached=[held])
+        notes = hdplan.plan_job(replace(job, goal=None, start={**_start(), FINGER: 0.03})).notes
+        assert tuple(note.partition(" may touch, and overlap by 15 mm")[0] for note in notes) == contacts
 
 
 def _start() -> dict[str, float]:
@@ -117,9 +117,9 @@ def _start() -> dict[str, float]:
 
 def test_what_limits_the_arm_by_joints_limits_no_fingers() -> None:
     by_joints = hdplan.Limits(acceleration=4.0, jerk=[100.0] * 7)
-    asked = replace(scene(hdplan.Grip({FINGER: 0.01})), goal=None, limits=by_joints)
+    job = replace(scene(hdplan.Grip({FINGER: 0.01})), goal=None, limits=by_joints)
     with pytest.raises(InputError, match="scene's jerk is by joints of the arm"):
-        hdplan.plan_job(asked)
+        hdplan.plan_job(job)
 
 
 def test_fingers_that_may_not_go_so_far_say_in_which_stage() -> None:

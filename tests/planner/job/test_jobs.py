@@ -288,7 +288,7 @@ def test_what_was_let_go_is_an_obstacle_where_it_lies(scene: Scene, planned: Job
         ),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_line(scene: Scene, number: int, fields: dict[str, Any], words: str) -> None:
+def test_what_cannot_be_done_is_one_line(scene: Scene, number: int, fields: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
         hdplan.plan_job(with_stages(scene, (number, fields)))
     assert "\n" not in str(caught.value)

@@ -13,13 +13,13 @@ from hdplan.planner.job.certify import JobCertificate, certified_job
 from hdplan.planner.motion.trajectory import Trajectory
 
 
-def told(certificate: JobCertificate) -> list[str]:
+def statements(certificate: JobCertificate) -> list[str]:
     """All that it says, but how long it took; NaN is itself."""
     found = [certificate.text, repr(certificate.missing)]
     for stage in certificate.stages:
         found.append(repr(replace(stage, trajectory=None)))
-        said = {each.name: getattr(stage.certificate, each.name) for each in fields(stage.certificate)}
-        found.append(repr({**said, "seconds": 0.0}))
+        values = {each.name: getattr(stage.certificate, each.name) for each in fields(stage.certificate)}
+        found.append(repr({**values, "seconds": 0.0}))
     return found
 
 
@@ -52,7 +52,7 @@ def test_kept_certificates_are_those_made_anew(monkeypatch: pytest.MonkeyPatch) 
     result = hdplan.plan_job(scene)
     assert result.certified, result.text
     again = hdplan.certify_job(scene, result.trajectory)
-    assert told(again) == told(result.certificate)
+    assert statements(again) == statements(result.certificate)
 
     made: list[int] = []
     anew = certify.certified_stage
@@ -63,7 +63,7 @@ def test_kept_certificates_are_those_made_anew(monkeypatch: pytest.MonkeyPatch) 
         made.clear()
         kept = certified_job(scene, motion, pieces)
         stages = [*made]
-        assert told(kept) == told(hdplan.certify_job(scene, motion))
+        assert statements(kept) == statements(hdplan.certify_job(scene, motion))
         return stages
 
     motion = result.trajectory
@@ -96,11 +96,11 @@ def test_kept_certificates_are_those_made_anew(monkeypatch: pytest.MonkeyPatch) 
     assert set(made_anew(other, motion)) == {3, 4}  # it, and the one that goes over into it
 
 
-def test_what_is_said_of_torques_has_the_times_of_the_job() -> None:
+def test_reports_of_torques_have_the_times_of_the_job() -> None:
     limits = hdplan.Limits(acceleration=5.0, torque="urdf")
     job = hdplan.Job([hdplan.Wait(0.5), hdplan.Line(by=[0.0, 0.0, -0.05]), hdplan.Wait(0.1)])
     result = hdplan.plan_job(hdplan.Scene(robot="panda", start="default", limits=limits, job=job))
     assert result.certified, result.text
-    assert told(hdplan.certify_job(result.scene, result.trajectory)) == told(result.certificate)
+    assert statements(hdplan.certify_job(result.scene, result.trajectory)) == statements(result.certificate)
     line = result.certificate.stages[1]
     assert line.begins <= float(line.certificate.text.rpartition(" at ")[2].split()[0]) <= line.ends

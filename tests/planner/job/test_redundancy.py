@@ -34,18 +34,18 @@ def test_ways_are_followed_freely(fixed: bool) -> None:
     ends[:3, 3] += [0.1, 0.25, 0.05]
     poses = [hdplan.Pose(each[:3, 3], pin.Quaternion(each[:3, :3]).coeffs()) for each in (begins, ends)]
     follow = hdplan.Follow(TOOL, poses)
-    asked: list[np.ndarray] = []
+    calls: list[np.ndarray] = []
 
     def free(rows: np.ndarray) -> np.ndarray:
         """As if something stood where the elbow is turned to one side."""
-        asked.extend(rows)
+        calls.extend(rows)
         return np.asarray(rows[:, 2] < 0.4)
 
     start, quick = READY if fixed else None, np.ones(robot.n)
     found = list(itertools.islice(ways_along(robot, start, follow, 0.27, quick, 0, free), 2))
     low, high = inner_limits(robot)
     assert len(found) == (1 if fixed else 2)
-    assert asked
+    assert calls
     for way in found:
         if fixed:
             assert np.array_equal(way[0], READY)

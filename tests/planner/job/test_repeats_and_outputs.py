@@ -73,7 +73,7 @@ def test_a_table_repeats_stages(tmp_path: Path) -> None:
         ("$full", "[1]", r"set.glue|is used in no stage"),
     ],
 )
-def test_what_a_table_lacks_is_said_in_one_line(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_what_a_table_lacks_is_reported_in_one_line(tmp_path: Path, old: str, new: str, words: str) -> None:
     assert old in TABLE
     with pytest.raises(InputError, match=words) as error:
         read(tmp_path, TABLE.replace(old, new))
@@ -91,8 +91,8 @@ def test_marks_hold_outputs_and_the_certificate_compares_them(tmp_path: Path) ->
     result = hdplan.plan_job(scene)
     assert result.certified, result.text
     result.save(tmp_path / "job.json")
-    said = json.loads((tmp_path / "job.json").read_text())["stages"]
-    assert [each.get("outputs") for each in said] == [None, {"glue": True, "rate": 1.0}, None]
+    content = json.loads((tmp_path / "job.json").read_text())["stages"]
+    assert [each.get("outputs") for each in content] == [None, {"glue": True, "rate": 1.0}, None]
     motion = hdplan.Trajectory.load(tmp_path / "job.json")
     assert motion.stages == result.trajectory.stages
     assert hdplan.certify_job(scene, motion).certified
@@ -123,8 +123,10 @@ def test_the_checker_repeats_stages_by_itself(tmp_path: Path) -> None:
     assert [(x.name, x.kind, x.touch, x.beside, x.blend) for x in found] == [
         (x.name, x.kind, x.touch, x.beside, x.blend) for x in expected
     ]
-    assert [x.said for x in found if x.kind != "line"] == [x.said for x in expected if x.kind != "line"]
-    assert [x.said["by"] for x in found if x.kind == "line"] == [x.said["by"] for x in expected if x.kind == "line"]
+    assert [x.content for x in found if x.kind != "line"] == [x.content for x in expected if x.kind != "line"]
+    assert [x.content["by"] for x in found if x.kind == "line"] == [
+        x.content["by"] for x in expected if x.kind == "line"
+    ]
     for old, new in (("$hole", "$where"), ("depth: [0, 0, -0.02], ", ""), ("repeat:", "name: a\n    repeat:")):
         with pytest.raises(RejectedError):
             stages_of(yaml_of((HEAD + TABLE).replace(old, new).encode()))

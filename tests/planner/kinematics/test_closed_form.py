@@ -268,8 +268,12 @@ def test_what_has_no_closed_form_is_searched(load: Load) -> None:
     q = planar.draw(np.random.default_rng(0), 1)[0]
     assert closed_form(planar, goal(planar, q)) is None
     assert len(inverse_kinematics(planar, goal(planar, q).pose, last_link(planar), seed=q + 0.05)) == 1
-    for name, said in (("so100", "by search"), ("ur5", "by three parallel axes"), ("panda", "panda_joint5 at values")):
-        assert any(said in row["note"] for row in describe(name)["notes"])
+    for name, method in (
+        ("so100", "by search"),
+        ("ur5", "by three parallel axes"),
+        ("panda", "panda_joint5 at values"),
+    ):
+        assert any(method in row["note"] for row in describe(name)["notes"])
     place = PoseTarget("tool0", Pose((0.4, 0.1, 0.4)), 1e-3, free_rotation="all")
     assert closed_form(arm, place) is None
 

@@ -71,7 +71,7 @@ def test_no_value_lies_outside_the_bounds(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_part_leaves_its_chord_no_farther_than_said(seed: int) -> None:
+def test_a_part_leaves_its_chord_no_farther_than_stated(seed: int) -> None:
     rng = np.random.default_rng(seed)
     for curve in curves(seed):
         interval = rng.integers(ROWS - 1, size=20)
@@ -90,7 +90,7 @@ def test_a_part_leaves_its_chord_no_farther_than_said(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_several_intervals_leave_their_chord_no_farther_than_said(seed: int) -> None:
+def test_several_intervals_leave_their_chord_no_farther_than_stated(seed: int) -> None:
     for curve in curves(seed):
         for count in (2, 4):
             first = np.arange(len(curve) - count)
@@ -112,7 +112,7 @@ def test_a_part_without_width_is_a_point(place: float) -> None:
         assert max(np.abs(delta).max(), np.abs(away).max()) < 1e-14
 
 
-def test_jumps_are_told() -> None:
+def test_jumps_are_reported() -> None:
     times, positions, velocities, _ = rows(2)
     cubic = Curve.through(positions, times, velocities)
     np.testing.assert_allclose(cubic.over_time(1).jumps()[1:-1], 0.0, atol=1e-12)

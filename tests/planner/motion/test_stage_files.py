@@ -53,9 +53,9 @@ def test_every_stage_is_sent_when_it_begins(seed: int) -> None:
     assert motion.times is not None
     sent = list(stage_messages(motion))
     rows = [*(mark.row for mark in motion.stages), len(motion) - 1]
-    told = [(now, message["data"]) for now, topic, message in sent if topic == "/stage"]
+    marks = [(now, message["data"]) for now, topic, message in sent if topic == "/stage"]
     begins = [round((motion.times[row] - motion.times[0]) * 1e9) for row in rows[:-1]]
-    assert told == list(zip(begins, [mark.name for mark in motion.stages], strict=True))
+    assert marks == list(zip(begins, [mark.name for mark in motion.stages], strict=True))
     arms = [(now, message) for now, topic, message in sent if topic == "/joint_trajectory"]
     assert [now for now, _ in arms] == begins[::2]
     for (_, message), first, last in zip(arms, rows[0:-1:2], rows[1::2], strict=True):

@@ -54,8 +54,8 @@ def test_a_film_shows_the_motion(
     if not browser:
         monkeypatch.setattr(films, "find_browser", lambda: None)
     path = tmp_path / f"film{ending}"
-    said = film(setup, [motion], path)
-    assert ("matplotlib" in said) != browser
+    note = film(setup, [motion], path)
+    assert ("matplotlib" in note) != browser
     frames = frames_of(path)
     moving = round(FEW[ending] * PATH_DURATION)
     assert len(frames) == moving + 1 + round(FEW[ending] * films.REST) or ending == ".gif"  # equal ones are joined
@@ -65,7 +65,7 @@ def test_a_film_shows_the_motion(
     assert {frame.shape for frame in frames} == {(360, 640, 3) if ending == ".mp4" else (180, 320, 3)}
 
 
-def test_a_browser_that_fails_is_said(
+def test_a_browser_that_fails_is_reported(
     setup: Setup, motion: ShownMotion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nothing is left half-written, and what drew it instead is named."""
@@ -83,8 +83,8 @@ def test_a_browser_that_fails_is_said(
 def test_bad_films_are_refused(
     setup: Setup, motion: ShownMotion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for bad, said in (("film.avi", "allowed are .mp4, .gif"), ("none/film.gif", "none")):
-        with pytest.raises(InputError, match=said):
+    for bad, message in (("film.avi", "allowed are .mp4, .gif"), ("none/film.gif", "none")):
+        with pytest.raises(InputError, match=message):
             check_film(tmp_path / bad)
     few, rows = motion.trajectory, len(motion.trajectory)
     slow = Trajectory(few.joint_names, few.positions, times=np.arange(rows) * 10.0)

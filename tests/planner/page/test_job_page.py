@@ -102,16 +102,16 @@ def test_the_page_has_the_stages(shown: ShownJob, tmp_path: Path, capsys: pytest
     written = (tmp_path / "a.html").read_text(encoding="utf-8")
     found = re.search(r'<script id="data" type="application/json">(.*?)</script>', written, re.S)
     assert found
-    said: Any = json.loads(found[1])
-    assert [stage["name"] for stage in said["stages"]] == ["down", "leave", "up"]
-    assert said["stages"][0]["begin"] == said["timeline"]["begin"] == 0.0
-    assert said["stages"][-1]["end"] == pytest.approx(said["timeline"]["end"], abs=1e-5)
-    assert all(one["end"] == two["begin"] for one, two in zip(said["stages"], said["stages"][1:], strict=False))
-    assert said["stages"][0]["words"] == "holds block"
-    assert said["stages"][2]["words"].startswith("holds nothing; may touch: block-panda_leftfinger")
-    (motion,) = said["motions"]
+    content: Any = json.loads(found[1])
+    assert [stage["name"] for stage in content["stages"]] == ["down", "leave", "up"]
+    assert content["stages"][0]["begin"] == content["timeline"]["begin"] == 0.0
+    assert content["stages"][-1]["end"] == pytest.approx(content["timeline"]["end"], abs=1e-5)
+    assert all(one["end"] == two["begin"] for one, two in zip(content["stages"], content["stages"][1:], strict=False))
+    assert content["stages"][0]["words"] == "holds block"
+    assert content["stages"][2]["words"].startswith("holds nothing; may touch: block-panda_leftfinger")
+    (motion,) = content["motions"]
     assert (motion["certified"], motion["verdict"]) == (True, shown.certificate.text)
-    assert [joint["name"] for joint in said["joints"]][-1] == "panda_finger_joint1"
+    assert [joint["name"] for joint in content["joints"]][-1] == "panda_finger_joint1"
 
 
 def test_a_job_that_is_not_certified_says_so(shown: ShownJob) -> None:
@@ -122,6 +122,6 @@ def test_a_job_that_is_not_certified_says_so(shown: ShownJob) -> None:
     assert not found.certified
     refused = ShownJob(scene, shown.trajectory, found)
     assert not refused.motion.certificate.certified
-    assert [stage.said["certified"] for stage in refused.stages].count(False) >= 1
+    assert [stage.data["certified"] for stage in refused.stages].count(False) >= 1
     part = ShownJob(shown.scene, shown.trajectory, replace(shown.certificate, missing=("more",)))
     assert not part.motion.certificate.certified

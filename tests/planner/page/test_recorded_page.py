@@ -51,9 +51,9 @@ def data_of(page: HtmlPage) -> dict[str, Any]:
 def test_a_page_says_what_is_known(setup: Setup, motion: ShownMotion) -> None:
     """Title, verdict, joints, clearance and every pose are those of the motion, to 10 µm and 10 µrad."""
     page = page_of(setup, [motion])
-    said = data_of(page)
-    (drawn,) = said["motions"]
-    assert said["title"] == page.title == "planar_arm · planar_arm"
+    content = data_of(page)
+    (drawn,) = content["motions"]
+    assert content["title"] == page.title == "planar_arm · planar_arm"
     assert (drawn["verdict"], drawn["certified"]) == (motion.certificate.text, True)
     np.testing.assert_allclose(drawn["joints"], motion.joints, atol=1e-5)
     np.testing.assert_allclose(drawn["clearance"], 1e3 * motion.clearance, atol=1e-5)
@@ -63,12 +63,12 @@ def test_a_page_says_what_is_known(setup: Setup, motion: ShownMotion) -> None:
     np.testing.assert_allclose(np.linalg.norm(poses[..., 3:], axis=-1), 1.0, atol=1e-4)
     certifier = Certifier(setup)
     for row in (0, 40, 120):
-        now = said["when"][row]
+        now = content["when"][row]
         pair = next(filter(None, certifier.closest(motion.curve.at_parameter(now))))
-        shown = next(filter(None, said["closest"][row]))
+        shown = next(filter(None, content["closest"][row]))
         assert shown["pair"] == f"{pair.link} – {pair.other}"
         np.testing.assert_allclose(shown["points"], pair.points, atol=1e-5)
-    assert [joint["name"] for joint in said["joints"]] == list(setup.robot.joint_names)
+    assert [joint["name"] for joint in content["joints"]] == list(setup.robot.joint_names)
 
 
 def test_a_page_needs_nothing_from_elsewhere(setup: Setup, motion: ShownMotion) -> None:
@@ -92,9 +92,9 @@ def test_a_pandas_page_is_small(name: str) -> None:
     result = hdplan.plan(hdplan.load_scene(name))
     page = result.show()
     assert len(page.html.encode()) <= LARGEST
-    said = data_of(page)
-    assert said["timeline"]["timed"] == (result.trajectory.times is not None)
-    assert any("poses" in each for each in said["obstacles"]) == (name == "panda_gate")
+    content = data_of(page)
+    assert content["timeline"]["timed"] == (result.trajectory.times is not None)
+    assert any("poses" in each for each in content["obstacles"]) == (name == "panda_gate")
 
 
 def test_a_result_shows_itself(result: PlanResult, tmp_path: Path) -> None:
@@ -108,7 +108,7 @@ def test_a_result_shows_itself(result: PlanResult, tmp_path: Path) -> None:
             page.save(tmp_path / bad)
     assert sorted(tmp_path.iterdir()) == [tmp_path / "page.html"]
     with pytest.raises(InputError, match="does not hold the scene"):
-        dataclasses.replace(result, asked=None).show()
+        dataclasses.replace(result, requested=None).show()
 
 
 @pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")
@@ -168,7 +168,7 @@ def test_robots_in_one_place_do_not_flicker_and_the_ground_is_hidden_by_what_sta
     assert program is not None
     page = page_of(dataclasses.replace(setup, scene=derived(setup.scene, obstacles=(slab,))), [motion, motion])
     with Browser(program, page, (900, 600)) as browser:
-        last = "page.meshes[said.robot.at(-1)].joint"  # of all robots, the links that are farthest from the base
+        last = "page.meshes[data.robot.at(-1)].joint"  # of all robots, the links that are farthest from the base
         edges = "mesh.high.map((high, i) => high - mesh.low[i])"
         grown = f"{edges}.map((edge, i) => edge * (Math.hypot(...place().slice(4 * i, 4 * i + 3)) - 1))"
         found = browser.run(f"page.stage.solids.filter(x => x.mesh.joint === {last}).map(({{mesh, place}}) => {grown})")
@@ -182,13 +182,13 @@ def test_planes_glide_along_the_motion(setup: Setup, motion: ShownMotion, tmp_pa
     """Each keeps the two bodies apart that are closest then, by what the proof says, between the samples too."""
     file = tmp_path / "motion.json"
     motion.trajectory.save(file)
-    scene = Path(str(setup.asked.source))
+    scene = Path(str(setup.requested.source))
     proof = ReadProof(scene, file, hdplan.prove(scene, file).data)
     page, certifier = page_of(setup, [motion], proof=proof), Certifier(setup)
-    said = data_of(page)
-    assert len(said["planes"]) == len(said["when"])
+    content = data_of(page)
+    assert len(content["planes"]) == len(content["when"])
     assert data_of(page_of(setup, [motion]))["planes"] == []
-    for now, plane, near in zip(said["when"], said["planes"], said["closest"], strict=True):
+    for now, plane, near in zip(content["when"], content["planes"], content["closest"], strict=True):
         pair = next(filter(None, certifier.closest(motion.curve.at_parameter(now))))
         sides = (pair.points - plane["point"]) @ plane["normal"]
         assert sides[0] > -1e-4
@@ -199,11 +199,11 @@ def test_planes_glide_along_the_motion(setup: Setup, motion: ShownMotion, tmp_pa
     if program is None:
         pytest.skip("no browser found: apt-get install chromium")
     with Browser(program, page, PHONE) as browser:
-        first, second = said["when"][40:42]
+        first, second = content["when"][40:42]
         at = [browser.run(f"page.now = {now}, page.plane().point") for now in (first, 0.5 * (first + second), second)]
-        if said["planes"][40]["of"] == said["planes"][41]["of"]:
+        if content["planes"][40]["of"] == content["planes"][41]["of"]:
             np.testing.assert_allclose(at[1], np.mean([at[0], at[2]], axis=0), atol=2e-5)
-        assert "proven ≥" in browser.run("page.paint(), document.getElementById('said').textContent")
+        assert "proven ≥" in browser.run("page.paint(), document.getElementById('plane-words').textContent")
 
 
 @pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")

@@ -101,7 +101,7 @@ def test_nothing_lies_on_something_else(planned: Planned, lines: int) -> None:
             assert not ((x > box.x0) & (x < box.x1) & (y > box.y0) & (y < box.y1)).any(), curve.get_label()
 
 
-def test_what_the_planners_distance_below_zero_means_is_said(planned: Planned, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_planners_distance_below_zero_is_explained(planned: Planned, monkeypatch: pytest.MonkeyPatch) -> None:
     from hdplan.planner.pictures import panels
     from hdplan.planner.pictures.sheet import sheet
 
@@ -114,8 +114,8 @@ def test_what_the_planners_distance_below_zero_means_is_said(planned: Planned, m
 
         monkeypatch.setattr(Clearances, "along", along)
         figure = sheet(planned_subject(planned))
-        said = [text.get_text() for axis in figure.axes for text in axis.texts]
-        assert (panels.BELOW_ZERO in said) == (lowered > 0.0)
+        texts = [text.get_text() for axis in figure.axes for text in axis.texts]
+        assert (panels.BELOW_ZERO in texts) == (lowered > 0.0)
 
 
 def test_without_obstacles_and_iterations(planned: Planned, tmp_path: Path) -> None:
@@ -342,7 +342,7 @@ def test_nothing_half_written(planned: Planned, tmp_path: Path, monkeypatch: pyt
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_missing_matplotlib_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_matplotlib_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"pip install matplotlib"):
         plot.check_picture(tmp_path / "a.png")

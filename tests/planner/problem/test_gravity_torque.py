@@ -162,9 +162,9 @@ def test_a_joint_that_gravity_cannot_overload_is_left_out() -> None:
 def test_without_torque_limits_there_is_no_such_term() -> None:
     problem = build(_scene(0.0, torque=False))
     assert problem.terms.static_torque is None
-    said = explain(problem)
-    assert dict(said.pop("off"))["limits of torque"] == "needs limits.torque"
-    assert "torque" not in str(said)
+    rows = explain(problem)
+    assert dict(rows.pop("off"))["limits of torque"] == "needs limits.torque"
+    assert "torque" not in str(rows)
     problem = build(_scene(12.0))
     assert problem.terms.static_torque is not None
     assert "gravity alone takes 80% of the limit of shoulder" in dict(explain(problem)["on"])["limits of torque"]

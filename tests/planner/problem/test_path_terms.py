@@ -162,12 +162,14 @@ def test_absent_is_absent() -> None:
 
 
 @pytest.mark.parametrize("field", ["upright", "position"])
-@pytest.mark.parametrize(("link", "said"), [("panda_hnd", "unknown link 'panda_hnd'"), ("panda_link0", "fixed to the")])
-def test_unknown_and_fixed_links_are_refused_by_name(field: str, link: str, said: str) -> None:
-    asked = Upright(link) if field == "upright" else Within(link, (0.1, 0.1, 0.1))
-    scene = held("panda_carry", **{field: asked})
+@pytest.mark.parametrize(
+    ("link", "message"), [("panda_hnd", "unknown link 'panda_hnd'"), ("panda_link0", "fixed to the")]
+)
+def test_unknown_and_fixed_links_are_refused_by_name(field: str, link: str, message: str) -> None:
+    constraint = Upright(link) if field == "upright" else Within(link, (0.1, 0.1, 0.1))
+    scene = held("panda_carry", **{field: constraint})
     for refuses in (build, plan):
-        with pytest.raises(InputError, match=rf"the scene made from panda_carry: path\.{field}\.link: .*{said}"):
+        with pytest.raises(InputError, match=rf"the scene made from panda_carry: path\.{field}\.link: .*{message}"):
             refuses(scene)
 
 
@@ -179,10 +181,10 @@ def test_ends_that_break_a_constraint_are_refused_with_by_how_much() -> None:
     level = next(q for q in onto_path(problem, robot.draw(np.random.default_rng(7), 50)) if not check.at(q))
     tilted = np.clip(level - [0, 0, 0, 0, 0, 0.4, 0], robot.lower, robot.upper)
     angle = float(angles(robot, "panda_hand", tilted[None])[0])
-    said = rf"breaks a path constraint: path\.upright: panda_hand is tilted by {angle:.3g} rad, 0\.1 are allowed"
-    with pytest.raises(InputError, match=rf"start: {said}"):
+    text = rf"breaks a path constraint: path\.upright: panda_hand is tilted by {angle:.3g} rad, 0\.1 are allowed"
+    with pytest.raises(InputError, match=rf"start: {text}"):
         plan(between(scene, tilted, level))
-    with pytest.raises(InputError, match=rf"goal: {said}"):
+    with pytest.raises(InputError, match=rf"goal: {text}"):
         plan(between(scene, level, tilted))
 
 

@@ -85,9 +85,9 @@ def test_each_obstacle_has_its_own_clearance(distance: str) -> None:
     whole = penalty(dataclasses.replace(scene, obstacles=both, planner=settings), q)
     assert whole == pytest.approx(alone(ball, 0.1) + alone(prism, 0.02), rel=1e-12)
     assert alone(ball, 0.1) > 1.5 * alone(ball, 0.0) > 0.0
-    said = tuple(dataclasses.replace(obstacle, clearance=0.0) for obstacle in (ball, prism))
+    stated = tuple(dataclasses.replace(obstacle, clearance=0.0) for obstacle in (ball, prism))
     unsaid = dataclasses.replace(scene, obstacles=(ball, prism), planner=settings)
-    assert penalty(dataclasses.replace(unsaid, obstacles=said), q) == penalty(unsaid, q)
+    assert penalty(dataclasses.replace(unsaid, obstacles=stated), q) == penalty(unsaid, q)
 
 
 def test_links_keep_the_clearance_that_the_scene_asks_of_them() -> None:

@@ -150,13 +150,13 @@ def test_where_sizes_are_in_p() -> None:
 def test_what_is_no_size_is_refused() -> None:
     program = problem_of().casadi(form="symbolic")
     ball = hdplan.Sphere(0.2)
-    for sizes, said in (
+    for sizes, message in (
         ({"bell": ball}, r"sizes: no obstacle is named 'bell'"),
         ({"beam": ball}, r"sizes: beam: a Box of other sizes is expected, found Sphere"),
         ({"beam": 0.3}, r"sizes: beam: a Box of other sizes is expected, found 0.3"),
         ({"egg": hdplan.Ellipsoid([1, 1, 1])}, r"sizes: egg: of the kind ellipsoid they are no parameters; allowed"),
     ):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             program.values(1.0, sizes=sizes)
     with pytest.raises(InputError, match="size: egg: of the kind ellipsoid"):
         program.size_of("egg")

@@ -183,9 +183,9 @@ def test_a_plan_with_it_is_certified(name: str) -> None:
 
 
 def test_explain_says_so(cage: Problem) -> None:
-    said = explain(cage)
-    assert dict(said["on"])["obstacles"].endswith("of one, swept from waypoint to waypoint")
-    assert dict(said["settings"])["swept"] == "true (scene)"
+    rows = explain(cage)
+    assert dict(rows["on"])["obstacles"].endswith("of one, swept from waypoint to waypoint")
+    assert dict(rows["settings"])["swept"] == "true (scene)"
 
 
 def test_what_it_cannot_do_is_refused() -> None:

@@ -26,7 +26,7 @@ from .test_forged import files
 from .worlds import packed, unpacked
 
 Random = np.random.Generator
-Said = dict[str, Any]
+Data = dict[str, Any]
 
 
 def frame(turn: Rotation, at: Any, off: float) -> dict[str, Any]:
@@ -37,31 +37,31 @@ STILL = frame(Rotation.identity(), [0.0] * 3, 0.0)
 QUAD = [[0, 1, 2], [0, 2, 3]]
 
 
-def mesh(points: Any, triangles: Any, off: float = 0.0) -> Said:
+def mesh(points: Any, triangles: Any, off: float = 0.0) -> Data:
     return {
         "points": np.asarray(points, dtype=float).tolist(), "parts": np.asarray(triangles).tolist(),
         "sweep": [[0.0] * 3], "off": off,
     }  # fmt: skip
 
 
-def body(name: str, kind: str, shape: Said, place: Said = STILL) -> Said:
+def body(name: str, kind: str, shape: Data, place: Data = STILL) -> Data:
     return {"name": name, "kind": kind, "joint": 0 if kind == "held" else -1, **place, "shape": shape}
 
 
-def world(*bodies: Said, groups: int = 2) -> World:
+def world(*bodies: Data, groups: int = 2) -> World:
     """Bodies of which the held ones slide a little, every mesh in several groups of triangles."""
     joint = {"name": "j", "parent": -1, "kind": "prismatic", **STILL, "axis": [1.0, 0.0, 0.0], "follows": None}
-    said = {
+    content = {
         "hdplan_world": 3, "joints": [joint], "held": {}, "links": {}, "bodies": [*bodies], "tracks": [],
         "not_compared": [], "clearances": {"obstacles": 0.0, "own": {}, "self": 0.0}, "limits": {}, "path": [],
         "motion": {"rule": "linear", "times": None, "positions": [[0.0], [2.0**-20]]},
         "start": [], "goal": [], "duration": None, "also": [],
     }  # fmt: skip
     meshes = {str(i): len(x["shape"]["parts"]) for i, x in enumerate(bodies) if x["shape"]["parts"]}
-    return World(said, {key: np.arange(count) % groups for key, count in meshes.items()})
+    return World(content, {key: np.arange(count) % groups for key, count in meshes.items()})
 
 
-def dot_at(point: Any) -> Said:
+def dot_at(point: Any) -> Data:
     """A small ball that is held."""
     return body("dot", "held", hull([[0.0] * 3], *[1e-4] * 3), frame(Rotation.identity(), point, 0.0))
 
@@ -226,23 +226,23 @@ def open_box(folder: Path, closed: bool = False) -> Path:
 ARM = """<robot name="r"><link name="base"/><link name="hand"/>
 <joint name="a" type="revolute"><origin xyz="0 0 1"/><parent link="base"/><child link="hand"/><axis xyz="0 1 0"/>
 <limit lower="-2" upper="2" velocity="1" effort="30"/></joint></robot>"""
-SMALL: Said = {"joint_names": ["a"], "positions": [[0], [0.02], [-0.02]]}
-BALL: Said = {"shape": {"type": "sphere", "radius": 0.03}}
-BOX: Said = {"shape": {"type": "mesh", "file": "box.obj"}}
-TASK: Said = {"robot": {"urdf": "r.urdf"}, "start": {"joints": [0]}, "goal": {"joints": [-0.02]}}
-HANGING: Said = {**TASK, "robot": {"urdf": "r.urdf", "base": {"position": [0, 0, 2], "rpy": [3.141592653589793, 0, 0]}}}
+SMALL: Data = {"joint_names": ["a"], "positions": [[0], [0.02], [-0.02]]}
+BALL: Data = {"shape": {"type": "sphere", "radius": 0.03}}
+BOX: Data = {"shape": {"type": "mesh", "file": "box.obj"}}
+TASK: Data = {"robot": {"urdf": "r.urdf"}, "start": {"joints": [0]}, "goal": {"joints": [-0.02]}}
+HANGING: Data = {**TASK, "robot": {"urdf": "r.urdf", "base": {"position": [0, 0, 2], "rpy": [3.141592653589793, 0, 0]}}}
 
 
-def held(what: Said, *place: float) -> Said:
+def held(what: Data, *place: float) -> Data:
     return {"attached": [{"name": "tool", "link": "hand", "pose": {"position": [*place]}, **what}]}
 
 
-def standing(what: Said, *place: float, **more: Any) -> Said:
+def standing(what: Data, *place: float, **more: Any) -> Data:
     return {"obstacles": [{"name": "thing", "pose": {"position": [*place]}, **what, **more}]}
 
 
-DRIFT: Said = {"velocity": [0.002, 0, 0.002], "spin": [0, 0, 0.1]}
-CASES: dict[str, Said] = {
+DRIFT: Data = {"velocity": [0.002, 0, 0.002], "spin": [0, 0, 0.1]}
+CASES: dict[str, Data] = {
     "a held ball in an open box": {**TASK, **held(BALL, 0, 0, -0.5), **standing(BOX, 0, 0, 0.5)},
     "a held open box around a ball": {**TASK, **held(BOX, 0, 0, -0.5), **standing(BALL, 0, 0, 0.5)},
     "a held ball in an open box that moves": {
@@ -262,18 +262,18 @@ def test_what_stays_in_a_dent_is_proven_and_other_rays_are_rejected(name: str, t
     proof = hdplan.prove(*given)
     assert proof.text.startswith("accepted: over the whole motion")
     assert check(*given, proof.data)[0].text == proof.text
-    head, said, rest = unpacked(proof.data)
+    head, world, rest = unpacked(proof.data)
     assert head["rays"] == 1
     found = np.frombuffer(rest[-12:], "<i4")
     for way in (*-np.eye(3)[:2], *np.eye(3)[:2], -found, [0, 0, 0], -np.eye(3)[2] * np.sign(found[2])):
         forged = rest[:-12] + (100 * np.asarray(way)).astype("<i4").tobytes()
         with pytest.raises(RejectedError, match="ray 0 may meet the mesh, at row"):
-            check(*given, packed(head, said, forged))
+            check(*given, packed(head, world, forged))
     late = rest[:-16] + (2).to_bytes(4, "little") + rest[-12:]
     with pytest.raises(RejectedError, match="a ray begins after the motion"):
-        check(*given, packed(head, said, late))
+        check(*given, packed(head, world, late))
     with pytest.raises(RejectedError, match="1 rays are to miss meshes, the proof has 0"):
-        check(*given, packed({**head, "rays": 0}, said, rest[:-16]))
+        check(*given, packed({**head, "rays": 0}, world, rest[:-16]))
 
 
 def test_a_ball_in_a_closed_box_has_no_proof(tmp_path: Path) -> None:

@@ -39,33 +39,33 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
 def test_a_mesh_by_its_digest(files: tuple[Path, Path]) -> None:
     """The mesh is not in the proof, which is accepted with it, too, and with no other one or another digest."""
     proof = hdplan.prove(*files).data
-    head, told, rest = unpacked(proof)
+    head, world, rest = unpacked(proof)
     read = read_world(*files).world
-    assert told["bodies"][0]["shape"] == digest(read["bodies"][0]["shape"])
+    assert world["bodies"][0]["shape"] == digest(read["bodies"][0]["shape"])
     assert words_of(*files, proof) == words_of(*files, packed(head, read, rest))
     for change in ("points", "parts"):
         shape = copy.deepcopy(read["bodies"][0]["shape"])
         shape[change][3][1] += 1
         for other in (shape, digest(shape)):
             with pytest.raises(RejectedError, match="the worlds differ: bodies"):
-                words_of(*files, packed(head, _with(told, other), rest))
-    whole = told["bodies"][0]["shape"]["sha256"]
+                words_of(*files, packed(head, _with(world, other), rest))
+    whole = world["bodies"][0]["shape"]["sha256"]
     for wrong in (whole.upper(), whole[:-1], None, [whole], ""):
         with pytest.raises(RejectedError):
-            words_of(*files, packed(head, _with(told, {"sha256": wrong}), rest))
+            words_of(*files, packed(head, _with(world, {"sha256": wrong}), rest))
     for more in ({"off": 1.0}, {"points": []}, {"type": "box"}):
         with pytest.raises(RejectedError):
-            words_of(*files, packed(head, _with(told, {"sha256": whole, **more}), rest))
+            words_of(*files, packed(head, _with(world, {"sha256": whole, **more}), rest))
 
 
 def test_a_digest_stands_for_meshes_alone(files: tuple[Path, Path]) -> None:
     """What the proof alone could say has no digest: neither a cloud nor a box is one."""
     read = read_world(*files).world
     for place in (1, 0):
-        told = copy.deepcopy(read)
-        told["bodies"][place]["shape"] = {"sha256": "0" * 64}
+        world = copy.deepcopy(read)
+        world["bodies"][place]["shape"] = {"sha256": "0" * 64}
         with pytest.raises(RejectedError, match="the worlds differ: bodies"):
-            check_equal(read, told)
+            check_equal(read, world)
 
 
 def test_digests_tell_meshes_apart() -> None:
@@ -96,7 +96,7 @@ def test_files_that_change_are_read_again(files: tuple[Path, Path]) -> None:
     assert read_world(*files).world["limits"]["position"] == [[-3.0, 2.0]]
 
 
-def _with(told: dict[str, Any], shape: Any) -> dict[str, Any]:
-    other = copy.deepcopy(told)
+def _with(world: dict[str, Any], shape: Any) -> dict[str, Any]:
+    other = copy.deepcopy(world)
     other["bodies"][0]["shape"] = shape
     return other

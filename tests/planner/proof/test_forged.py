@@ -29,7 +29,7 @@ from hdplan.verify.world import OFF, REASONS, World
 
 from .worlds import packed, unpacked
 
-Said = dict[str, Any]
+Data = dict[str, Any]
 
 BOX = '<geometry><box size="0.05 0.05 0.4"/></geometry>'
 URDF = f"""<robot name="r">
@@ -48,21 +48,21 @@ SRDF = """<robot name="r"><group name="arm"><joint name="a"/><joint name="b"/></
 <group_state name="home" group="arm"><joint name="a" value="0"/><joint name="b" value="0"/></group_state>
 <group_state name="reach" group="arm"><joint name="a" value="0.5"/><joint name="b" value="1"/></group_state></robot>"""
 ROBOT = {"urdf": "r.urdf", "srdf": "r.srdf", "group": "arm"}
-BALL: Said = {"name": "o", "shape": {"type": "sphere", "radius": 0.1}, "pose": {"position": [1.5, 0, 0.3]}}
-SCENE: Said = {
+BALL: Data = {"name": "o", "shape": {"type": "sphere", "radius": 0.1}, "pose": {"position": [1.5, 0, 0.3]}}
+SCENE: Data = {
     "hdplan": 1, "robot": ROBOT, "obstacles": [BALL], "start": {"joints": [0, 0]}, "goal": {"joints": [0.1, 0.5]},
 }  # fmt: skip
-MOTION: Said = {"hdplan_trajectory": 1, "joint_names": ["a", "b"], "positions": [[0, 0], [0.1, 0.5]]}
+MOTION: Data = {"hdplan_trajectory": 1, "joint_names": ["a", "b"], "positions": [[0, 0], [0.1, 0.5]]}
 TIMED = {**MOTION, "times": [0, 10], "velocities": [[0, 0], [0, 0]]}
 WAYS = np.rint(1e6 * np.concatenate([np.eye(3), -np.eye(3), np.random.default_rng(0).normal(size=(300, 3))]))
 
 
-def at(*place: float) -> list[Said]:
+def at(*place: float) -> list[Data]:
     """The obstacle at another place."""
     return [{**BALL, "pose": {"position": [*place]}}]
 
 
-def files(folder: Path, scene: Said, motion: Said | None = None, urdf: str = URDF) -> tuple[Path, Path]:
+def files(folder: Path, scene: Data, motion: Data | None = None, urdf: str = URDF) -> tuple[Path, Path]:
     """Write a scene, with some sections changed, its robot and a motion."""
     folder.mkdir(exist_ok=True)
     (folder / "r.urdf").write_text(urdf)
@@ -80,10 +80,10 @@ def spans(low: float, high: float, depth: int) -> list[tuple[float, float]]:
     return spans(low, middle, depth - 1) + spans(middle, high, depth - 1)
 
 
-def forge(said: Said, hashes: dict[str, str], claims: list[str], clearance: float = 1e-6, depth: int = 3) -> bytes:
+def forge(content: Data, hashes: dict[str, str], claims: list[str], clearance: float = 1e-6, depth: int = 3) -> bytes:
     """A proof that holds this world, with those of many planes that do best in it, leaf by leaf, whether or not they
     do."""
-    world = World(said, {})
+    world = World(content, {})
     parts = spans(0.0, float(len(world.control.mid)), depth)
     motion, count = Motion(world, np.array(parts)), len(WAYS)
     best = []
@@ -98,12 +98,12 @@ def forge(said: Said, hashes: dict[str, str], claims: list[str], clearance: floa
     }  # fmt: skip
     counts, depths = np.full(len(world.pairs), len(parts), "<u4"), np.full(len(best), depth, "<u1")
     normals = np.array(best).reshape(-1, 3).astype("<i4")
-    return packed(head, said, b"".join(x.tobytes() for x in (counts, depths, normals)))
+    return packed(head, content, b"".join(x.tobytes() for x in (counts, depths, normals)))
 
 
-def put(said: Said, *path: Any, to: Any) -> Said:
+def put(world: Data, *path: Any, to: Any) -> Data:
     """The world with another value at a place."""
-    other = copy.deepcopy(said)
+    other = copy.deepcopy(world)
     where: Any = other
     for key in path[:-1]:
         where = where[key]
@@ -111,7 +111,7 @@ def put(said: Said, *path: Any, to: Any) -> Said:
     return other
 
 
-def spoilt(folder: Path, given: tuple[Path, Path], wish: Said, claims: list[str]) -> tuple[str, str]:
+def spoilt(folder: Path, given: tuple[Path, Path], wish: Data, claims: list[str]) -> tuple[str, str]:
     """What is said of a proof in the world that would suit, and in the world that is read; the first proof is good in
     its own world."""
     try:
@@ -152,8 +152,8 @@ NAMED = {"start": {"state": "home"}, "goal": {"state": "reach"}}
 NO_BASE = {**ROBOT, "base_joints": {"x": [-1, 1], "y": [-1, 1], "yaw": [-1, 1]}}
 WHEELS = {"joint_names": ["base_x", "base_y", "base_yaw", "a", "b"]}
 
-Honest = tuple[tuple[Path, Path], Said, dict[str, str], bytes]
-Case = tuple[Said, Said, str, Said, Said, str, list[str], str, str]
+Honest = tuple[tuple[Path, Path], Data, dict[str, str], bytes]
+Case = tuple[Data, Data, str, Data, Data, str, list[str], str, str]
 # (scene, motion, URDF as they are; scene, motion, URDF of the world that would suit; claims; what is said of both)
 CASES: dict[str, Case] = {
     "another joint moves than those of the group": (
@@ -324,14 +324,14 @@ def changes(value: Any) -> list[Any]:
 @pytest.mark.parametrize("each", [3, pytest.param(1, marks=pytest.mark.slow)])
 def test_every_other_value_anywhere_in_a_world_is_a_difference_there(honest: Honest, each: int) -> None:
     """By default every third of the other values, of every place."""
-    _, said, *_ = honest
-    check_equal(said, copy.deepcopy(said))
+    _, world, *_ = honest
+    check_equal(world, copy.deepcopy(world))
     count = 0
-    for way, value in places(said):
+    for way, value in places(world):
         for other in (changes(value) if way else [None, [], {}])[::each]:
-            changed = put(said, *way, to=other) if way else other
+            changed = put(world, *way, to=other) if way else other
             with pytest.raises(RejectedError, match="the worlds differ: ") as found:
-                check_equal(said, changed)
+                check_equal(world, changed)
             count += 1
             if way and way[-1] == "off":
                 continue
@@ -341,12 +341,12 @@ def test_every_other_value_anywhere_in_a_world_is_a_difference_there(honest: Hon
 
 def test_numbers_that_were_worked_out_may_differ_by_their_bounds_and_prove_nothing_more(honest: Honest) -> None:
     """A shift that hides behind an `off`: the kernel looks at the world that was read."""
-    given, said, _, true = honest
+    given, world, _, true = honest
     head, _, rest = unpacked(true)
-    row = next(i for i, x in enumerate(said["joints"]) if x["name"] == "b")
-    place = said["joints"][row]["position"][0]
+    row = next(i for i, x in enumerate(world["joints"]) if x["name"] == "b")
+    place = world["joints"][row]["position"][0]
     for off, shift, good in ((OFF, 0.9e-6, True), (OFF, 1.1e-6, False), (0.0, 1e-12, False), (1e-9, 1.1e-9, False)):
-        other = put(put(said, "joints", row, "off", to=off), "joints", row, "position", 0, to=place + shift)
+        other = put(put(world, "joints", row, "off", to=off), "joints", row, "position", 0, to=place + shift)
         if good:
             assert check(*given, packed(head, other, rest)) == check(*given, true)
         else:
@@ -354,20 +354,20 @@ def test_numbers_that_were_worked_out_may_differ_by_their_bounds_and_prove_nothi
                 check(*given, packed(head, other, rest))
     for wrong in (1.1e-6, -1e-9, float("nan"), "0", None, [0], True):
         with pytest.raises(RejectedError, match=r"joints\[b\]\.off: is not within"):
-            check_equal(said, put(said, "joints", row, "off", to=wrong))
+            check_equal(world, put(world, "joints", row, "off", to=wrong))
         with pytest.raises(RejectedError, match=r"joints\[1\]"):
-            World(put(said, "joints", row, "off", to=wrong), {})
+            World(put(world, "joints", row, "off", to=wrong), {})
 
 
 def test_what_was_not_worked_out_has_no_slack(honest: Honest) -> None:
-    _, said, *_ = honest
-    wide = put(put(said, "path", 0, "off", to=OFF), "tracks", 0, "off", to=OFF)
-    tilt = said["path"][0]["tolerance"]  # a request's may be worked out
-    check_equal(said, put(wide, "path", 0, "tolerance", to=tilt + 0.9 * OFF))
+    _, world, *_ = honest
+    wide = put(put(world, "path", 0, "off", to=OFF), "tracks", 0, "off", to=OFF)
+    tilt = world["path"][0]["tolerance"]  # a request's may be worked out
+    check_equal(world, put(wide, "path", 0, "tolerance", to=tilt + 0.9 * OFF))
     with pytest.raises(RejectedError, match=r"the worlds differ: path\[0\]\.tolerance"):
-        check_equal(said, put(wide, "path", 0, "tolerance", to=tilt + 1.1 * OFF))
+        check_equal(world, put(wide, "path", 0, "tolerance", to=tilt + 1.1 * OFF))
     for way in (("path", 0, "link"), ("tracks", 0, "times", 1), ("motion", "positions", 1, 0)):
-        value: Any = said
+        value: Any = world
         for key in way:
             value = value[key]
         with pytest.raises(RejectedError, match=rf"the worlds differ: {way[0]}.*: {re.escape(repr(value))} is read"):
@@ -378,30 +378,30 @@ def test_what_was_not_worked_out_has_no_slack(honest: Honest) -> None:
 def test_a_pair_that_is_not_compared_for_a_reason_that_does_not_hold_is_a_difference(
     reason: str, honest: Honest
 ) -> None:
-    given, said, hashes, true = honest
+    given, world, hashes, true = honest
     for pair in (["base", "fore"], ["fore", "o"], ["base", "tool"], ["o", "tool"]):
-        listed = sorted([*said["not_compared"], [*pair, reason]])
-        other = {**said, "not_compared": listed}
+        listed = sorted([*world["not_compared"], [*pair, reason]])
+        other = {**world, "not_compared": listed}
         try:  # with all other pairs, or, where the kernel does not take such a world, with all of the true ones
             head, _, rest = unpacked(forge(other, hashes, EVERY, depth=0))
         except RejectedError:
             head, _, rest = unpacked(true)
         with pytest.raises(RejectedError, match=r"the worlds differ: not_compared: \d+ entries are read, the proof"):
             check(*given, packed(head, other, rest))
-        if head["pairs"] < len(World(said, {}).pairs):
+        if head["pairs"] < len(World(world, {}).pairs):
             with pytest.raises(RejectedError, match="pairs are to be kept apart, the proof has"):
-                check(*given, packed(head, said, rest))
-    (pair,) = [x for x in said["not_compared"] if x[:2] == ["base", "up"]]
+                check(*given, packed(head, world, rest))
+    (pair,) = [x for x in world["not_compared"] if x[:2] == ["base", "up"]]
     assert pair[2] == "neighbours"
     if reason != "neighbours":
-        where = said["not_compared"].index(pair)
-        other = put(said, "not_compared", where, 2, to=reason)
+        where = world["not_compared"].index(pair)
+        other = put(world, "not_compared", where, 2, to=reason)
         with pytest.raises(RejectedError, match=rf"not_compared\[{where}\]\[2\]: 'neighbours' is .* has '{reason}'"):
-            check_equal(said, other)
+            check_equal(world, other)
 
 
 TIP = '<link name="tip"/><joint name="t" type="fixed"><parent link="hand"/><child link="tip"/></joint></robot>'
-TOOL: Said = {"name": "tool", "link": "hand", "shape": {"type": "box", "size": [0.01] * 3}}
+TOOL: Data = {"name": "tool", "link": "hand", "shape": {"type": "box", "size": [0.01] * 3}}
 
 
 @pytest.mark.parametrize(
@@ -411,7 +411,7 @@ def test_no_name_stands_for_two_obstacles_or_for_two_of_links_and_held_objects(
     kind: str, name: str, tmp_path: Path
 ) -> None:
     """Nor for a link that has no geometry; whoever writes the world."""
-    scene: Said = {"obstacles": [BALL], "attached": [TOOL]}
+    scene: Data = {"obstacles": [BALL], "attached": [TOOL]}
     urdf = URDF.replace("</robot>", TIP)
     honest = read_world(*files(tmp_path, scene, {}, urdf)).world
     World(honest, {})
@@ -430,7 +430,7 @@ def test_no_name_stands_for_two_obstacles_or_for_two_of_links_and_held_objects(
 
 
 @pytest.mark.parametrize("robot", [{"locked": {"g": -50}}, {"locked": {"g": 2.11}}, {"locked": {"g": -2.11}}, {}])
-def test_a_joint_that_is_held_far_beyond_its_limits_is_refused(robot: Said, tmp_path: Path) -> None:
+def test_a_joint_that_is_held_far_beyond_its_limits_is_refused(robot: Data, tmp_path: Path) -> None:
     """Wherever the scene says so."""
     start = {"start": {"joints": {"a": 0, "b": 0, "g": 2.11}}} if not robot else {}
     with pytest.raises(RejectedError, match=r"joint 'g' is held at .*, more than 0\.1 beyond its limits"):
@@ -487,11 +487,11 @@ def test_no_length_is_printed_above_the_one_that_is_proven(honest: Honest) -> No
     assert 'held: "at rest" at 0.1234567890123\n' in text
 
 
-def test_a_name_adds_nothing_to_what_is_said(honest: Honest) -> None:
+def test_a_name_adds_nothing_to_the_statement(honest: Honest) -> None:
     """Not another obstacle's clearance, nor another pair."""
-    said = json.dumps(honest[1])
+    world = json.dumps(honest[1])
     for name in ("o; 900 mm from p", "base-fore, o", 'o"; 900 mm from "p', "o\n  links and held objects", "o from p"):
-        other = json.loads(said.replace('"o"', json.dumps(name)))
+        other = json.loads(world.replace('"o"', json.dumps(name)))
         text, _ = statement(World(other, {}), {"clearance": 0.01, "self_clearance": 0.01, "claims": []})
         (own,) = re.findall("10 mm from every obstacle; (.*)", text)
         quoted = shown(json.dumps(name))

@@ -57,9 +57,9 @@ def test_random_trees() -> None:
         spans, node, whole = leaves(counts, np.array([y for x in own for y in x], dtype=np.int64), rows)
         assert whole.tolist() == [x is not None for x in expected]
         ends = np.cumsum(counts)
-        for k, said in enumerate(expected):
-            if said is not None:
-                assert spans[node[ends[k] - counts[k] : ends[k]]].tolist() == [list(x) for x in said]
+        for k, message in enumerate(expected):
+            if message is not None:
+                assert spans[node[ends[k] - counts[k] : ends[k]]].tolist() == [list(x) for x in message]
         trees, changed = trees + int(whole.sum()), changed + int((~whole).sum())
     assert trees > 40 < changed
 

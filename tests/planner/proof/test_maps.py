@@ -28,9 +28,9 @@ def corners(boxes: Any) -> Any:
     return (boxes[:, None, :3] + CORNERS * (boxes[:, None, 3:] - boxes[:, None, :3])).reshape(-1, 3)
 
 
-def read(kind: str, said: dict[str, Any], told: Any, folder: Path = Path()) -> dict[str, Any]:
+def read(kind: str, section: dict[str, Any], claimed: Any, folder: Path = Path()) -> dict[str, Any]:
     with rejecting():
-        return boxes_of(kind, said, "a map", folder, Files(), told)
+        return boxes_of(kind, section, "a map", folder, Files(), claimed)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -39,20 +39,32 @@ def test_boxes_of_a_grid_are_just_its_cells(seed: int, tmp_path: Path) -> None:
     grid, size, origin = random_grid(seed) != 0, 0.013 * (seed + 1), [0.3, -1.7, 0.1 * seed]
     np.save(tmp_path / "a.npy", grid)
     np.savez(tmp_path / "b.npz", occupied=grid.astype(np.float32), other=np.zeros(3))
-    told = corners(boxes_in(Voxels(grid, size, origin)).array)
+    expected = corners(boxes_in(Voxels(grid, size, origin)).array)
     single = np.argwhere(grid)
     cells = corners(np.hstack([origin + size * single, origin + size * (single + 1)]))
-    for said in ({"file": "a.npy"}, {"file": "b.npz"}, {"occupied": grid.astype(int).tolist()}):
-        more = {**said, "size": size, "origin": origin}
-        for boxes in (told, cells):
+    for section in ({"file": "a.npy"}, {"file": "b.npz"}, {"occupied": grid.astype(int).tolist()}):
+        more = {**section, "size": size, "origin": origin}
+        for boxes in (expected, cells):
             found = read("voxels", more, boxes, tmp_path)
             np.testing.assert_allclose(found["points"], boxes, rtol=0, atol=1e-12)
             assert found["off"] < 1e-12
     low = single[0]
     empty = np.argwhere(~grid)[:1]
-    forged = [told[8:], cells[:-8], np.concatenate([told, told[:8]]), told + 0.4 * size, told + size, told[::-1]]
+    forged = [
+        expected[8:],
+        cells[:-8],
+        np.concatenate([expected, expected[:8]]),
+        expected + 0.4 * size,
+        expected + size,
+        expected[::-1],
+    ]
     forged += [np.concatenate([cells, corners(np.hstack([origin + size * empty, origin + size * (empty + 1)]))])]
-    forged += [told[:-1], told[:0], told * [1, 1, -1], np.where(np.arange(len(told))[:, None] == 3, told + 1e-4, told)]
+    forged += [
+        expected[:-1],
+        expected[:0],
+        expected * [1, 1, -1],
+        np.where(np.arange(len(expected))[:, None] == 3, expected + 1e-4, expected),
+    ]
     forged += [np.concatenate([cells, corners(np.hstack([origin + size * low, origin + size * low])[None])])]
     for each in forged:
         with pytest.raises(RejectedError):
@@ -67,20 +79,20 @@ def test_octomaps_are_read_as_the_planner_reads_them(kind: str, unknown: str, tm
     for seed in range(2):
         content = written(cells_of(seed), kind)
         (tmp_path / "room.bt").write_bytes(content)
-        told = corners(boxes_in(OctoMap(content, unknown)).array)
+        expected = corners(boxes_in(OctoMap(content, unknown)).array)
         coded = base64.b64encode(content).decode()
-        for said in ({"file": "room.bt"}, {"content": coded}):
-            found = read("octomap", {**said, "unknown": unknown}, told, tmp_path)
-            np.testing.assert_allclose(found["points"], told, rtol=0, atol=1e-9)
+        for section in ({"file": "room.bt"}, {"content": coded}):
+            found = read("octomap", {**section, "unknown": unknown}, expected, tmp_path)
+            np.testing.assert_allclose(found["points"], expected, rtol=0, atol=1e-9)
         for cut in (*range(0, len(content), len(content) // 7), len(content) - 1):
             with pytest.raises(RejectedError):
-                read("octomap", {"content": base64.b64encode(content[:cut]).decode(), "unknown": unknown}, told)
+                read("octomap", {"content": base64.b64encode(content[:cut]).decode(), "unknown": unknown}, expected)
         for data in (content + b"0", content.replace(b"OcTree\n", b"ColorOcTree\n"), b""):
             with pytest.raises(RejectedError):
-                read("octomap", {"content": base64.b64encode(data).decode(), "unknown": unknown}, told)
+                read("octomap", {"content": base64.b64encode(data).decode(), "unknown": unknown}, expected)
         other = {"free": "occupied", "occupied": "free"}[unknown]
         with pytest.raises(RejectedError):
-            read("octomap", {"content": coded, "unknown": other}, told)
+            read("octomap", {"content": coded, "unknown": other}, expected)
 
 
 def test_scenes_with_maps_are_accepted_whole(tmp_path: Path) -> None:

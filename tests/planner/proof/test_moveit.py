@@ -33,7 +33,7 @@ from hdplan.verify.world import World
 
 from .worlds import kind_of, packed, unpacked
 
-Said = dict[str, Any]
+Data = dict[str, Any]
 
 MBM = Path(__file__).parents[4] / "shared" / "mbm"
 BOX = '<geometry><box size="0.05 0.05 0.4"/></geometry>'
@@ -56,16 +56,16 @@ SRDF = """<robot name="r"><group name="arm"><joint name="a"/><joint name="b"/><j
 <disable_collisions link1="base" link2="fore" reason="Never"/>
 <disable_collisions link1="base" link2="hand" reason="Never"/>
 <disable_collisions link1="finger" link2="fore" reason="Never"/></robot>"""
-ROBOT: Said = {"urdf": "r.urdf", "srdf": "r.srdf", "base": {"position": [0.1, 0, 0.2], "rpy": [0, 0, 0.5]}}
+ROBOT: Data = {"urdf": "r.urdf", "srdf": "r.srdf", "base": {"position": [0.1, 0, 0.2], "rpy": [0, 0, 0.5]}}
 HALF = [0, 0, 0.6, 0.8]
 
 
-def solid(kind: Any, sizes: list[float], *place: float, turn: Any = HALF) -> Said:
+def solid(kind: Any, sizes: list[float], *place: float, turn: Any = HALF) -> Data:
     pose = {"position": [*place], "orientation": turn}
     return {"primitives": [{"type": kind, "dimensions": sizes}], "primitive_poses": [pose]}
 
 
-SCENE: Said = {
+SCENE: Data = {
     "name": "a cell",
     "robot_model_name": "r",
     "robot_state": {
@@ -107,7 +107,7 @@ SCENE: Said = {
         ]
     },
 }  # fmt: skip
-REQUEST: Said = {
+REQUEST: Data = {
     "group_name": "r_arm",
     "start_state": {"joint_state": {"name": ["b", "c", "a"], "position": [0.2, 0.1, 0.1]}, "is_diff": True},
     "goal_constraints": [
@@ -118,11 +118,11 @@ REQUEST: Said = {
     "planner_id": "RRTConnect",
     "workspace_parameters": {"min_corner": {"x": -1}, "max_corner": {"x": 1}},
 }  # fmt: skip
-MOTION: Said = {
+MOTION: Data = {
     "hdplan_trajectory": 1, "joint_names": ["a", "b", "c"], "times": [0, 4],
     "positions": [[0.1, 0.2, 0.1], [0.4, 0.5, 0]], "velocities": [[0, 0, 0], [0, 0, 0]],
 }  # fmt: skip
-GOOD: dict[str, Said] = {"scene": SCENE, "request": REQUEST, "robot": {"robot": ROBOT}}
+GOOD: dict[str, Data] = {"scene": SCENE, "request": REQUEST, "robot": {"robot": ROBOT}}
 OBJECTS, MATRIX, HELD = (
     "world.collision_objects",
     "allowed_collision_matrix",
@@ -130,25 +130,25 @@ OBJECTS, MATRIX, HELD = (
 )
 
 
-def files(folder: Path, motion: Said = MOTION, **changed: Any) -> tuple[Path, Path, Path, str]:
+def files(folder: Path, motion: Data = MOTION, **changed: Any) -> tuple[Path, Path, Path, str]:
     """Write a planning scene, a motion, a request and a robot's section; the last two are changed by name."""
     folder.mkdir(exist_ok=True)
     (folder / "r.urdf").write_text(URDF)
     (folder / "r.srdf").write_text(SRDF)
-    for name, said in (GOOD | changed).items():
-        (folder / f"{name}.yaml").write_text(said if isinstance(said, str) else json.dumps(said))
+    for name, content in (GOOD | changed).items():
+        (folder / f"{name}.yaml").write_text(content if isinstance(content, str) else json.dumps(content))
     (folder / "m.json").write_text(json.dumps(motion))
     return folder / "scene.yaml", folder / "m.json", folder / "request.yaml", str(folder / "robot.yaml")
 
 
-def planned(scene: Path, motion: Path, request: Path, robot: str) -> Said:
+def planned(scene: Path, motion: Path, request: Path, robot: str) -> Data:
     """The world in which hdplan plans."""
     return world_of(Setup.of(hdplan.load_scene(scene, request, robot)), Trajectory.load(motion))
 
 
-def put(said: Said, path: str, value: Any) -> Said:
+def put(content: Data, path: str, value: Any) -> Data:
     """A message with another value at a place such as `world.collision_objects.0.id`; None: without it."""
-    other = copy.deepcopy(said)
+    other = copy.deepcopy(content)
     *way, last = (int(x) if x.isdigit() else x for x in path.split("."))
     where: Any = other
     for step in way:
@@ -170,7 +170,7 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> tuple[tuple[Path, Path
     return given, hdplan.prove(scene, motion, request, robot).data
 
 
-def test_a_request_is_asked_for(tmp_path: Path) -> None:
+def test_a_request_is_required(tmp_path: Path) -> None:
     scene, motion, request, robot = files(tmp_path)
     for given, words in (
         ((None, None), "--request FILE"),
@@ -226,10 +226,10 @@ def test_a_robot_in_xacro_or_mjcf_is_taken_from_the_proof_and_all_else_is_read(n
         message = {"scene": scene, "request": request}[which]
         before = message.read_text()
         message.write_text(json.dumps(put(json.loads(before), path, value)))
-        head, told, rest = unpacked(proof.data)
+        head, world, rest = unpacked(proof.data)
         files_ = {x: hash_of(tmp_path / f"{x}.yaml") if x == which else y for x, y in head["files"].items()}
         with pytest.raises(RejectedError, match=words):
-            check(scene, motion, packed({**head, "files": files_}, told, rest), request, section)
+            check(scene, motion, packed({**head, "files": files_}, world, rest), request, section)
         message.write_text(before)
 
 
@@ -392,18 +392,18 @@ def test_other_words_of_the_same_meaning_have_the_same_world(change: str, origin
     check_equal(read(given).world, planned(*given))
 
 
-def position(link: str, region: Said, **more: Any) -> Said:
+def position(link: str, region: Data, **more: Any) -> Data:
     return {"link_name": link, "constraint_region": region, **more}
 
 
-def turned(link: str, *most: float, turn: Any = HALF, **more: Any) -> Said:
+def turned(link: str, *most: float, turn: Any = HALF, **more: Any) -> Data:
     tolerances = {f"absolute_{x}_axis_tolerance": y for x, y in zip("xyz", most, strict=True)}
     return {"link_name": link, "orientation": turn, **tolerances, **more}
 
 
 BALL, CRATE = solid("sphere", [0.02], 0.3, 0.1, 1.2), solid("box", [0.1, 0.2, 0.3], 0.3, 0.1, 1.2)
 DESK = {"header": {"frame_id": "room"}}
-CONSTRAINTS: dict[str, tuple[str, Said]] = {
+CONSTRAINTS: dict[str, tuple[str, Data]] = {
     "a ball": ("goal", {"position_constraints": [position("hand", BALL)]}),
     "a crate on the desk": ("goal", {"position_constraints": [position("hand", CRATE, **DESK)]}),
     "a large ball": ("goal", {"position_constraints": [position("hand", solid("sphere", [3], 0, 0, 0))]}),
@@ -465,8 +465,8 @@ CONSTRAINTS: dict[str, tuple[str, Said]] = {
 
 @pytest.mark.parametrize("name", CONSTRAINTS)
 def test_constraints_are_read_as_hdplan_reads_them(name: str, tmp_path: Path) -> None:
-    end, said = CONSTRAINTS[name]
-    request = {**REQUEST, **({"goal_constraints": [said]} if end == "goal" else {"path_constraints": said})}
+    end, content = CONSTRAINTS[name]
+    request = {**REQUEST, **({"goal_constraints": [content]} if end == "goal" else {"path_constraints": content})}
     given = files(tmp_path, request=request)
     world = read(given).world
     check_equal(world, planned(*given))
@@ -484,8 +484,8 @@ def test_an_axis_a_little_off_the_vertical_is_kept_within_moveits_tolerances() -
         way = np.array([*(np.sin(rng.uniform(0, 9.9e-3)) * np.array([np.cos(lean), np.sin(lean)])), 0.0])
         wanted = turning(np.eye(3)["xyz".index(free)], way + [0, 0, end * np.sqrt(1 - way @ way)], rng)
         most["xyz".index(free)] = 4
-        said = turned("hand", *most.tolist(), turn=wanted.as_quat().tolist())
-        (found,) = path_of({"orientation_constraints": [said]}, frames)
+        content = turned("hand", *most.tolist(), turn=wanted.as_quat().tolist())
+        (found,) = path_of({"orientation_constraints": [content]}, frames)
         assert found["tolerance"] > min(*most, 1.5) - 0.01
         tilt, about = found["tolerance"] + found["off"], rng.uniform(0, 2 * np.pi)
         there = [np.sin(tilt) * np.cos(about), np.sin(tilt) * np.sin(about), np.cos(tilt)]
@@ -592,10 +592,10 @@ BOTH: dict[str, tuple[str, tuple[tuple[str, Any], ...], str]] = {
 def test_what_moveit_takes_otherwise_both_refuse(case: str, tmp_path: Path) -> None:
     """MoveIt places what is given in a frame in an object's, if that has the name, and moves a base by `joint/x`."""
     which, changes, words = BOTH[case]
-    said = GOOD[which]
+    content = GOOD[which]
     for path, value in changes:
-        said = put(said, path, value)
-    given = files(tmp_path, **{which: said})
+        content = put(content, path, value)
+    given = files(tmp_path, **{which: content})
     with pytest.raises(RejectedError, match=words):
         read(given)
     with pytest.raises(HdplanError, match=words):
@@ -778,17 +778,17 @@ KEYS = [
 ]
 
 
-def places(said: Any) -> Iterator[tuple[Any, Any]]:
+def places(content: Any) -> Iterator[tuple[Any, Any]]:
     """Every container with each of its keys or indices."""
-    for key in list(said) if isinstance(said, dict) else range(len(said)):
-        yield said, key
-        if isinstance(said[key], (dict, list)):
-            yield from places(said[key])
+    for key in list(content) if isinstance(content, dict) else range(len(content)):
+        yield content, key
+        if isinstance(content[key], (dict, list)):
+            yield from places(content[key])
 
 
-def change(rng: np.random.Generator, said: Said) -> None:
+def change(rng: np.random.Generator, content: Data) -> None:
     """Change one thing."""
-    found = list(places(said))
+    found = list(places(content))
     where, key = found[rng.integers(len(found))]
     old = where[key]
 
@@ -813,7 +813,7 @@ def change(rng: np.random.Generator, said: Said) -> None:
 def test_changed_files_have_hdplans_world_or_one_of_both_refuses(original: Any, tmp_path: Path, count: int) -> None:
     """Whatever is changed; and the old proof is accepted for them only where hdplan plans in the same world."""
     rng = np.random.default_rng(0)
-    told = unpacked(original[1])[1]
+    world = unpacked(original[1])[1]
     both = accepted = hdplans = checkers = 0
     given = files(tmp_path)
     for _ in range(count):
@@ -836,7 +836,7 @@ def test_changed_files_have_hdplans_world_or_one_of_both_refuses(original: Any, 
         check_equal(reading.world, own)
         if not outcome(original[1], given, reading.hashes):
             accepted += 1
-            check_equal(told, own)
+            check_equal(world, own)
     assert min(both, hdplans, checkers) > count // 4
     assert count // 20 < accepted < both
 

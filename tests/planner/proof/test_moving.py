@@ -25,15 +25,15 @@ MOVING = {"name": "p", "shape": {"type": "box", "size": [0.1] * 3}, "motion": {"
 SEEN = {"name": "m", "shape": {"type": "points", "points": np.eye(4, 3).tolist()}, "pose": {"position": [3, 0, 0]}}
 
 
-def both(said: dict[str, Any], pose: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+def both(content: dict[str, Any], pose: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Joints and place of an obstacle, as the checker reads them and as hdplan writes them."""
-    carriers, place = joints_of(motion(said, pose_of(pose, "o"), "o"), ROWS.tolist(), "o")
+    carriers, place = joints_of(motion(content, pose_of(pose, "o"), "o"), ROWS.tolist(), "o")
     read = {"tracks": carriers, "joint": len(carriers) - 1, **frame(place)}
-    if "times" in said:
-        poses = tuple(hdplan.Pose(**x) for x in said["poses"])
-        obstacle = hdplan.Obstacle("o", hdplan.Sphere(0.1), motion=hdplan.TimedPoses(tuple(said["times"]), poses))
+    if "times" in content:
+        poses = tuple(hdplan.Pose(**x) for x in content["poses"])
+        obstacle = hdplan.Obstacle("o", hdplan.Sphere(0.1), motion=hdplan.TimedPoses(tuple(content["times"]), poses))
     else:
-        own = hdplan.SteadyMotion(tuple(said["velocity"]), tuple(said["spin"]))
+        own = hdplan.SteadyMotion(tuple(content["velocity"]), tuple(content["spin"]))
         obstacle = hdplan.Obstacle("o", hdplan.Sphere(0.1), hdplan.Pose(**pose), motion=own)
     tracks, place_ = tracks_of(obstacle, 0, ROWS)
     return read, {"tracks": tracks, **place_}
@@ -52,10 +52,10 @@ def test_two_programs_carry_an_obstacle_by_the_same_joints() -> None:
             axis = rng.normal(size=3)
             turns.append(Rotation.from_rotvec(10.0**power * axis / np.linalg.norm(axis)) * turns[-1])
         times = np.cumsum(rng.uniform(0.1, 1.0, 5)).tolist()
-        read, told = both({"times": times, "poses": [placed(rng, x) for x in turns]}, {})
-        check_equal(read, told)
+        read, expected = both({"times": times, "poses": [placed(rng, x) for x in turns]}, {})
+        check_equal(read, expected)
         turning += sum(x["kind"] == "revolute" for x in read["tracks"])
-        assert all(x["off"] <= OFF for x in (*read["tracks"], *told["tracks"]))
+        assert all(x["off"] <= OFF for x in (*read["tracks"], *expected["tracks"]))
         spin = (rng.normal(size=3) * rng.integers(2)).tolist()
         check_equal(*both({"velocity": rng.normal(size=3).tolist(), "spin": spin}, placed(rng, turns[0])))
     assert turning > 200
@@ -95,8 +95,8 @@ BAD: dict[str, tuple[tuple[Any, ...], Any, str]] = {
 @pytest.mark.parametrize("what", BAD)
 def test_the_kernel_takes_no_other_shapes_and_joints(what: str, tmp_path: Path) -> None:
     timed = {"positions": [[0.0, 0.0], [0.1, 0.5]], "times": [0.0, 5.0]}
-    said = read_world(*files(tmp_path, {"obstacles": [MOVING, SEEN], "timing": {"duration": 5}}, timed)).world
-    assert len(World(said, {}).tracks) == 3
+    world = read_world(*files(tmp_path, {"obstacles": [MOVING, SEEN], "timing": {"duration": 5}}, timed)).world
+    assert len(World(world, {}).tracks) == 3
     way, value, words = BAD[what]
     with pytest.raises(RejectedError, match=words):
-        World(put(said, *way, to=value), {})
+        World(put(world, *way, to=value), {})

@@ -25,7 +25,7 @@ from .test_forged import BALL, LIMITS, ROBOT, TOOL, files, forge, put
 from .test_random_worlds import write
 from .worlds import kind_of, read_and_planned
 
-Said = dict[str, Any]
+Data = dict[str, Any]
 
 NAMES = ("base", "up", "fore", "hand", "base 0", "fore 0", "0", "obstacle", "obstacle base", "world", "a")
 IGNORED = {**ROBOT, "ignore_pairs": [["base", "fore"], ["base", "hand"], ["up", "hand"]]}
@@ -40,7 +40,7 @@ def shapes_of(world: World) -> list[tuple[int, int, bool]]:
 @pytest.mark.parametrize("name", NAMES)
 def test_an_obstacle_is_compared_whatever_its_name(name: str, tmp_path: Path) -> None:
     """Free of the arm or in its way, with ignored pairs of links of that name, with a clearance of its own."""
-    scene: Said = {"robot": IGNORED, "attached": [TOOL], "obstacles": [{**BALL, "clearance": 0.02}]}
+    scene: Data = {"robot": IGNORED, "attached": [TOOL], "obstacles": [{**BALL, "clearance": 0.02}]}
     plain = read_world(*files(tmp_path, scene)).world
     given = files(tmp_path, {**scene, "obstacles": [{**BALL, "clearance": 0.02, "name": name}]})
     reading = read_world(*given)
@@ -79,20 +79,20 @@ def test_the_motion_of_an_obstacle_is_not_that_of_a_link_of_its_name(name: str, 
     assert (numbers["fore", "link"], numbers["up", "obstacle"]) in pairs
 
 
-def test_what_is_said_of_links_is_refused_of_obstacles(tmp_path: Path) -> None:
+def test_statements_on_links_are_refused_for_obstacles(tmp_path: Path) -> None:
     """In a world that anyone may write."""
-    said = read_world(*files(tmp_path, {})).world
+    world = read_world(*files(tmp_path, {})).world
     for pair in (["base", "o"], ["fore", "o"], ["o", "o"]):
         for reason in ("robot.ignore_pairs", "moving as one", "both stand still"):
-            wrong = put(said, "not_compared", to=[*said["not_compared"], [*pair, reason]])
+            wrong = put(world, "not_compared", to=[*world["not_compared"], [*pair, reason]])
             with pytest.raises(RejectedError, match=r"not_compared\[\d\]: two links or held objects, and a reason"):
                 World(wrong, {})
-    for wrong in (put(said, "clearances", "own", to={"base": 1.0}), put(said, "bodies", -1, "joint", to=0)):
+    for wrong in (put(world, "clearances", "own", to={"base": 1.0}), put(world, "bodies", -1, "joint", to=0)):
         with pytest.raises(RejectedError, match=r"of no obstacle|no joint that may carry it"):
             World(wrong, {})
-    old = {**said, "hdplan_world": 2}
+    old = {**world, "hdplan_world": 2}
     with pytest.raises(RejectedError, match="the world is not of version 3"):
-        accept(old, forge(said, {}, []))
+        accept(old, forge(world, {}, []))
 
 
 def test_a_held_object_and_an_obstacle_have_two_names(tmp_path: Path) -> None:
@@ -111,8 +111,8 @@ def test_what_the_checker_takes_from_the_proof_is_not_another_body_s(tmp_path: P
     given = files(tmp_path, {"obstacles": [cloud]})
     balls = {**hull([[0.0, 0.0, 0.0]], 0.1, 0.1, 0.1), "parts": [[0]]}
     honest = read_world(*files(tmp_path / "other", {})).world
-    told = put(honest, "bodies", -1, to={**honest["bodies"][-1], "name": "fore", "shape": balls})
-    reading = read_world(*given, told)
+    world = put(honest, "bodies", -1, to={**honest["bodies"][-1], "name": "fore", "shape": balls})
+    reading = read_world(*given, world)
     assert reading.world["bodies"][-1]["shape"] == balls
     assert reading.taken == ("fore (cloud)",)
     assert [kind_of(x["shape"])[0] for x in reading.world["bodies"]] == ["box", "box", "sphere", "box", "balls"]
@@ -124,11 +124,11 @@ def test_random_worlds_are_the_same_with_names_of_links(seed: int, tmp_path: Pat
     if not write(np.random.default_rng(seed), tmp_path):
         return
     scene, motion = tmp_path / "scene.yaml", tmp_path / "motion.json"
-    said = json.loads(scene.read_text())
+    content = json.loads(scene.read_text())
     plain = World(read_world(scene, motion).world, {})
-    for i, each in enumerate(said["obstacles"]):
+    for i, each in enumerate(content["obstacles"]):
         each["name"] = f"l{i}"
-    scene.write_text(json.dumps(said))
+    scene.write_text(json.dumps(content))
     try:
         world = read_and_planned(Setup.of(hdplan.load_scene(scene)), scene, motion)
     except hdplan.InputError as error:

@@ -147,8 +147,8 @@ def test_what_is_held_or_follows_does_so_between_rows_too(rule: str, seed: int, 
 
     def moved(rates: list[float]) -> None:
         rows = {"positions": [[0, 0]] * 2, "velocities": [[0, 0]] * 2, "accelerations": [[0, x] for x in rates]}
-        said = {"hdplan_trajectory": 1, "joint_names": ["pan", "lift"], "times": [0.0, seconds], **rows}
-        (tmp_path / "m.json").write_text(json.dumps(said))
+        content = {"hdplan_trajectory": 1, "joint_names": ["pan", "lift"], "times": [0.0, seconds], **rows}
+        (tmp_path / "m.json").write_text(json.dumps(content))
         read(tmp_path / "s.yaml", tmp_path / "m.json")
 
     x = np.linspace(0.0, 1.0, 101)

@@ -151,7 +151,7 @@ def test_the_world_of_a_scene_takes_nothing_from_the_proof(tmp_path: Path) -> No
     rows = np.tile([start[x] for x in setup.robot.joint_names], (2, 1))
     motion = Trajectory(setup.robot.joint_names, rows, setup.robot.locked)
     motion.save(tmp_path / "motion.json")
-    told = json.loads(json.dumps(world_of(setup, motion), default=plain))
-    found = read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", told)
+    world = json.loads(json.dumps(world_of(setup, motion), default=plain))
+    found = read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", world)
     assert not found.taken
-    check_equal(found.world, told)
+    check_equal(found.world, world)

@@ -49,14 +49,14 @@ def test_the_proof_is_of_every_world_within_the_sizes(made: Made) -> None:
     head, _, _, _ = unpack(proof.data)
     assert bound - 1e-4 <= head["clearance"] <= bound
     verdict, _ = check(file, motion, proof.data)
-    for said in (
+    for message in (
         "in every world in which:",
         "obstacle person is up to 0 m, 0 rad about its origin and 0.3 m/s away",
         "obstacle crate is up to 0.01 m, 0.05 rad about its origin and 0 m/s away",
         "the robot's base is up to 0.002 m, 0.001 rad about its origin away",
         "joints are off by up to panda_joint1 by 0.002",
     ):
-        assert said in verdict.text
+        assert message in verdict.text
     assert "person" not in next(line for line in verdict.text.splitlines() if "both stand still" in line)
     setup = Setup.of(scene)
     found = np.array(list(Worlds(setup.scene, setup.robot, trajectory).sampled(np.random.default_rng(0), 15)))
@@ -89,7 +89,7 @@ def test_random_sizes_are_proven_nearly_as_they_are_certified(robot: str, tmp_pa
 
 def test_other_sizes_are_another_scene(made: Made, tmp_path: Path) -> None:
     file, motion, _, _, proof = made
-    told = check(file, motion, proof.data)[1]
+    verdict = check(file, motion, proof.data)[1]
     content = yaml.safe_load(file.read_text())
     places: list[tuple[Any, ...]] = [
         ("obstacles", 1, "uncertainty", "speed"),
@@ -110,7 +110,7 @@ def test_other_sizes_are_another_scene(made: Made, tmp_path: Path) -> None:
             held[place[-1]] *= factor
             other.write_text(yaml.safe_dump(changed))
             with pytest.raises(RejectedError, match="the worlds differ: sizes"):
-                check_equal(read_world(other, motion).world, told)
+                check_equal(read_world(other, motion).world, verdict)
 
 
 def test_the_kernel_takes_what_is_unknown_off_its_bounds(made: Made) -> None:

@@ -111,9 +111,9 @@ def test_a_file_that_is_not_there_is_named(name: str, tmp_path: Path) -> None:
 
 def test_a_motion_that_is_not_certified_has_no_proof(proven: Callable[[str], Proven], tmp_path: Path) -> None:
     each = proven("panda_cage")
-    said = json.loads(each.motion.read_text())
-    said["positions"] = [said["positions"][0], said["positions"][-1]]
-    (tmp_path / "m.json").write_text(json.dumps(said))
+    content = json.loads(each.motion.read_text())
+    content["positions"] = [content["positions"][0], content["positions"][-1]]
+    (tmp_path / "m.json").write_text(json.dumps(content))
     with pytest.raises(hdplan.NotProvenError, match="contact"):
         hdplan.prove("panda_cage", tmp_path / "m.json")
 
@@ -286,13 +286,13 @@ def test_a_scene_that_asks_for_more_is_accepted_in_part(tmp_path: Path) -> None:
     world = read(tmp_path / "scene.yaml", tmp_path / "m.json")
     claims = ["limits", "start", "goal"]
     for least, first, missing in ((0.005, "accepted:", ""), (0.004, "accepted in part;", "a clearance of 5 mm")):
-        said, whole = statement(world, {"clearance": least, "self_clearance": 1e-3, "claims": claims})
-        assert said.startswith(first)
+        text, whole = statement(world, {"clearance": least, "self_clearance": 1e-3, "claims": claims})
+        assert text.startswith(first)
         assert whole == (not missing)
-        assert ("NOT proven" in said) == bool(missing)
-        assert missing in said
-    said, whole = statement(world, {"clearance": 0.005, "self_clearance": 1e-3, "claims": claims[:2]})
-    assert said.startswith("accepted in part; NOT proven by this file: goal")
+        assert ("NOT proven" in text) == bool(missing)
+        assert missing in text
+    text, whole = statement(world, {"clearance": 0.005, "self_clearance": 1e-3, "claims": claims[:2]})
+    assert text.startswith("accepted in part; NOT proven by this file: goal")
     assert not whole
 
 
@@ -323,10 +323,10 @@ def test_other_files_are_rejected(proven: Callable[[str], Proven], tmp_path: Pat
 
 def moved(each: Proven, tmp_path: Path, change: Callable[[dict[str, Any]], None], **files: Path) -> str:
     """Verify the proof for a changed motion, whose hash it has."""
-    said = json.loads(each.motion.read_text())
-    change(said)
+    content = json.loads(each.motion.read_text())
+    change(content)
     path = tmp_path / "m.json"
-    path.write_text(json.dumps(said))
+    path.write_text(json.dumps(content))
     return rehashed(each, {"motion": path})
 
 
@@ -348,31 +348,31 @@ def test_other_motions_are_rejected_where_they_are_not_free(
     """Rows that are moved: the certificate says which of these motions keep what the proof claims."""
     each, rng = proven(name), np.random.default_rng(0)
     scene, head = hdplan.load_scene(name), each.content()[0]
-    said: list[str] = []
+    verdicts: list[str] = []
     for _ in range(15):
         row, joint = int(rng.integers(1, 31)), int(rng.integers(0, 6))
         step = float(rng.normal() * 10.0 ** rng.uniform(-4, 0.5))
 
-        def change(said: dict[str, Any], row: int = row, joint: int = joint, step: float = step) -> None:
-            said["positions"][row][joint] += step
+        def change(verdicts: dict[str, Any], row: int = row, joint: int = joint, step: float = step) -> None:
+            verdicts["positions"][row][joint] += step
 
         try:
             moved(each, tmp_path, change)
         except RejectedError as error:
-            said.append(str(error))
+            verdicts.append(str(error))
             continue
         certificate = hdplan.certify(scene, hdplan.Trajectory.load(tmp_path / "m.json"), required=0.0)
         assert certificate.certified
         assert certificate.clearance is not None
         assert certificate.worst is not None
         assert certificate.worst.distance >= head["clearance"]
-    assert len(said) > 3
-    assert all(re.search(r" and .*leaf \d+, from .* apart, not|leaves its limits", words) for words in said)
+    assert len(verdicts) > 3
+    assert all(re.search(r" and .*leaf \d+, from .* apart, not|leaves its limits", words) for words in verdicts)
 
 
 def test_a_motion_that_says_it_is_another_curve_is_rejected(proven: Callable[[str], Proven], tmp_path: Path) -> None:
-    def change(said: dict[str, Any]) -> None:
-        said["interpolation"] = "cubic"
+    def change(data: dict[str, Any]) -> None:
+        data["interpolation"] = "cubic"
 
     rejected("interpolation", lambda: moved(proven("panda_cage"), tmp_path, change))
 
@@ -380,10 +380,10 @@ def test_a_motion_that_says_it_is_another_curve_is_rejected(proven: Callable[[st
 def test_many_leaves_and_rows_are_checked_in_parts(proven: Callable[[str], Proven], tmp_path: Path) -> None:
     """The largest proofs that are allowed take little memory; they are rejected for what they say."""
     each = proven("planar_arm")
-    said = json.loads(each.motion.read_text())
-    first, last = np.array(said["positions"][0]), np.array(said["positions"][-1])
-    said["positions"] = np.linspace(first, last, 20_000).tolist()
-    (tmp_path / "m.json").write_text(json.dumps(said))
+    content = json.loads(each.motion.read_text())
+    first, last = np.array(content["positions"][0]), np.array(content["positions"][-1])
+    content["positions"] = np.linspace(first, last, 20_000).tolist()
+    (tmp_path / "m.json").write_text(json.dumps(content))
     head, _, _ = each.content()
     head["files"]["motion"] = hashlib.sha256((tmp_path / "m.json").read_bytes()).hexdigest()
     counts = np.zeros(head["pairs"], "<u4")
@@ -581,17 +581,17 @@ def test_there_is_no_proof_of_a_planned_motion_in_files_that_say_something_else_
     hdplan.load_scene("ur5_table").save(scene)
     result = hdplan.plan(hdplan.load_scene(scene))
     result.save(motion)
-    told = json.loads(motion.read_text())
+    content = json.loads(motion.read_text())
     assert words_of(scene, motion, prove_planned(result, scene, motion).data).startswith("accepted")
-    told["positions"][1][2] = np.nextafter(told["positions"][1][2], 9.0)
-    for file, words, said in (
-        (motion, json.dumps(told), r"the worlds differ: motion\.positions\[1\]"),
+    content["positions"][1][2] = np.nextafter(content["positions"][1][2], 9.0)
+    for file, words, message in (
+        (motion, json.dumps(content), r"the worlds differ: motion\.positions\[1\]"),
         (scene, scene.read_text().replace("[0.3, 0.0, -0.03]", "[0.3, 0.0, -0.04]"), r"the worlds differ: bodies"),
         (scene, "hdplan: 1\n", "no proof of this can be written"),
     ):
         whole = file.read_text()
         assert words != whole
         file.write_text(words)
-        with pytest.raises(hdplan.InputError, match=said):
+        with pytest.raises(hdplan.InputError, match=message):
             prove_planned(result, scene, motion)
         file.write_text(whole)

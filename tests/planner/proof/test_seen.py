@@ -69,11 +69,11 @@ def test_balls_are_those_of_the_planner_and_of_the_definition(seed: int, tmp_pat
     rng = np.random.default_rng(seed)
     depth = image(rng)
     more = {"scale": 0.001, "range": [0.1, 3.0]} if seed % 2 else {}
-    said = {"intrinsics": CAMERA, "radius": 0.002 * (seed % 3), **more}
+    section = {"intrinsics": CAMERA, "radius": 0.002 * (seed % 3), **more}
     camera = hdplan.DepthImage(depth, CAMERA)
     planned = balls_in(read_cloud(hdplan.Cloud(camera, 0.002 * (seed % 3)), "")).array
     for file in files_of(depth, tmp_path):
-        found = balls_of("depth", {"file": file.name, **said}, "a", tmp_path, Files())
+        found = balls_of("depth", {"file": file.name, **section}, "a", tmp_path, Files())
         assert found is not None
         np.testing.assert_allclose(found[0].mid, planned[:, :3], rtol=0, atol=1e-14)
         np.testing.assert_allclose(found[1], planned[:, 3], rtol=1e-11)
@@ -218,20 +218,20 @@ def test_what_the_planner_leaves_out_may_be_left_out_and_nothing_else(ignoring: 
     hand = np.linalg.inv(TURNED.matrix) @ link_pose(hdplan.load_robot("panda"), np.array(START), "panda_hand")[:, 3]
     points = rng.uniform([-0.6, -0.6, -0.2], [0.8, 0.8, 1.2], size=(3000, 3))
     points[::2] = hand[:3] + rng.uniform(-0.1, 0.1, size=(1500, 3))
-    scene, motion, told = scene_of(points, tmp_path, **ignoring)
-    count = len(balls(told)["points"])
+    scene, motion, world = scene_of(points, tmp_path, **ignoring)
+    count = len(balls(world)["points"])
     assert 0 < count < len(points)
-    found = read_world(scene, motion, told)
+    found = read_world(scene, motion, world)
     assert not found.taken
     assert sum(int(words.split(": ")[1].split()[0]) for words in found.passed) == len(points) - count
-    check_equal(found.world, told)
+    check_equal(found.world, world)
     for rows in (np.arange(count) != 5, np.arange(count) != count - 1, np.arange(count)[::-1], [0], [0, 0]):
         with pytest.raises(RejectedError):
-            read_world(scene, motion, without(told, rows))
-    points = np.array(balls(told)["points"])
+            read_world(scene, motion, without(world, rows))
+    points = np.array(balls(world)["points"])
     for forged in (points + 1e-8, points * [1.0, 1.0, -1.0], points[:, :2], points * np.inf):
         with pytest.raises(RejectedError):
-            read_world(scene, motion, without(told, ..., forged))
+            read_world(scene, motion, without(world, ..., forged))
     for nothing in (None, {}, {"bodies": []}):  # nobody says what was left out
         with pytest.raises(RejectedError):
             read_world(scene, motion, nothing)
@@ -275,13 +275,13 @@ def test_what_a_mesh_surrounds_counts_as_in_it(open_: bool, tmp_path: Path) -> N
     setup = Setup.of(hdplan.load_scene(tmp_path / "scene.yaml"))
     motion = Trajectory(setup.robot.joint_names, np.array([START, START]), setup.robot.locked)
     motion.save(tmp_path / "motion.json")
-    told = world_of(setup, motion)
-    assert len(balls(told)["points"]) == (2 if open_ else 1)
-    found = read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", told)
-    check_equal(found.world, told)
+    world = world_of(setup, motion)
+    assert len(balls(world)["points"]) == (2 if open_ else 1)
+    found = read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", world)
+    check_equal(found.world, world)
     if open_:
         with pytest.raises(RejectedError):
-            read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", without(told, [1]))
+            read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", without(world, [1]))
 
 
 # --- forged scenes and images -----------------------------------------------------------------------------------------
@@ -307,12 +307,12 @@ def proven(tmp_path_factory: pytest.TempPathFactory) -> Files3:
 def signed(proven: Files3, folder: Path, depth: dict[str, Any], view: dict[str, Any], change: Any = None) -> Files3:
     """The proof with the hashes of another scene and another image, of the same name."""
     scene, motion, data = proven
-    said = yaml.safe_load(scene.read_text(encoding="utf-8"))
+    content = yaml.safe_load(scene.read_text(encoding="utf-8"))
     image = np.load(scene.with_suffix(".npz"))["depth"]
     np.savez(folder / scene.with_suffix(".npz").name, depth=image if change is None else change(image))
-    said["obstacles"][0] = {**said["obstacles"][0], **view}
-    said["obstacles"][0]["depth"] |= depth
-    (folder / scene.name).write_text(json.dumps(said), encoding="utf-8")
+    content["obstacles"][0] = {**content["obstacles"][0], **view}
+    content["obstacles"][0]["depth"] |= depth
+    (folder / scene.name).write_text(json.dumps(content), encoding="utf-8")
     head, world, rest = unpacked(data)
     files = {"scene": folder / scene.name, "depth panda_camera.npz": folder / scene.with_suffix(".npz").name}
     for key, file in files.items():
@@ -393,15 +393,15 @@ def test_the_proof_of_another_image_is_rejected(
 def test_the_balls_of_an_image_by_their_digest(proven: Files3, part: int) -> None:
     """A proof names the rows that are left out; it may have the numbers in their place, and no other rows."""
     scene, motion, data = proven
-    head, told, rest = unpacked(data)
-    (number,) = [i for i, x in enumerate(told["bodies"]) if x["kind"] == "obstacle" and "sha256" in x["shape"]]
-    said = told["bodies"][number]["shape"]
-    rows = said["left_out"]
+    head, world, rest = unpacked(data)
+    (number,) = [i for i, x in enumerate(world["bodies"]) if x["kind"] == "obstacle" and "sha256" in x["shape"]]
+    section = world["bodies"][number]["shape"]
+    rows = section["left_out"]
     assert len(rows) == 1238
 
     def proof(shape: Any) -> bytes:
-        bodies = [{**x, "shape": shape} if i == number else x for i, x in enumerate(told["bodies"])]
-        return packed(head, {**told, "bodies": bodies}, rest)
+        bodies = [{**x, "shape": shape} if i == number else x for i, x in enumerate(world["bodies"])]
+        return packed(head, {**world, "bodies": bodies}, rest)
 
     verdict, read = check(scene, motion, data)
     assert verdict.whole
@@ -410,8 +410,8 @@ def test_the_balls_of_an_image_by_their_digest(proven: Files3, part: int) -> Non
     far = max({*range(rows[-1])} - {*rows})  # of an image from its upper left, which sees no robot there
     wrong: list[Any] = [[], rows[1:], [*rows, far], [*rows[:-1], far], [*rows, -1], [*rows, 10**6], [*rows, True]]
     wrong += [[*rows[:-1], float(rows[-1])], {}, None, "", [rows], [*rows[:-1], str(rows[-1])]]
-    forged = [{**said, "left_out": x} for x in wrong]
-    forged += [{"sha256": said["sha256"]}, {**said, "off": 0.0}, {**numbers, "left_out": rows[1:]}]
+    forged = [{**section, "left_out": x} for x in wrong]
+    forged += [{"sha256": section["sha256"]}, {**section, "off": 0.0}, {**numbers, "left_out": rows[1:]}]
     for shape in forged[part::2]:
         with pytest.raises(RejectedError):
             check(scene, motion, proof(shape))
@@ -437,8 +437,8 @@ def test_a_job_leaves_out_what_is_near_where_it_begins(tmp_path: Path) -> None:
 def test_of_a_robot_that_is_not_read_the_proof_says_what_is_its_image(margin: float, tmp_path: Path) -> None:
     """And the verdict says so; points without a margin are read all the same."""
     cloud = {"points": [[0.0, 0.0, 0.0], [9.0, 9.0, 9.0]][0 if margin else 1 :], "radius": 0.01, "ignore_robot": margin}
-    said = {"robot": {**SCENE["robot"], "urdf": "r.urdf.xacro"}, "obstacles": [{"name": "seen", "cloud": cloud}]}
-    scene, motion = files(tmp_path, said, MOTION, URDF, "r.urdf.xacro")
+    content = {"robot": {**SCENE["robot"], "urdf": "r.urdf.xacro"}, "obstacles": [{"name": "seen", "cloud": cloud}]}
+    scene, motion = files(tmp_path, content, MOTION, URDF, "r.urdf.xacro")
     proof = hdplan.prove(scene, motion)
     taken = proof.text.splitlines()[0]
     assert taken.startswith("accepted in part; NOT read by the checker")

@@ -123,10 +123,10 @@ class Third:
     def carry(self, top: dict[str, Any]) -> None:
         """Put a scene's payload and what its robot holds on the links that carry them."""
         bodies = []
-        if said := top.get("payload"):
-            six = np.array(said.get("inertia", [0.0] * 6))[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
-            inertia = pin.Inertia(said["mass"], np.array(said.get("com", [0.0] * 3)), six)
-            bodies.append((said["link"], inertia, pin.SE3.Identity()))
+        if section := top.get("payload"):
+            six = np.array(section.get("inertia", [0.0] * 6))[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+            inertia = pin.Inertia(section["mass"], np.array(section.get("com", [0.0] * 3)), six)
+            bodies.append((section["link"], inertia, pin.SE3.Identity()))
         for each in top.get("attached", []):
             shape, mass = each["shape"], each.get("mass", 0.0)
             match shape["type"]:
@@ -191,14 +191,14 @@ def corners_of(mesh: Any, file: str) -> Array:
 # --- the comparison ---------------------------------------------------------------------------------------------------
 
 
-def same_shape(said: dict[str, Any], third: Shape, file: str = "") -> None:
+def same_shape(section: dict[str, Any], third: Shape, file: str = "") -> None:
     """Assert that a world's shape is coal's: kind and sizes, or triangles as sets of three points."""
-    (own, sizes), (kind, numbers) = kind_of(said), third
+    (own, sizes), (kind, numbers) = kind_of(section), third
     if kind == own != "mesh":
         np.testing.assert_allclose(sizes, np.ravel(numbers), rtol=1e-15)
         return
     assert own == kind
-    corners = np.array(said["points"])[np.array(said["parts"])]
+    corners = np.array(section["points"])[np.array(section["parts"])]
     off = 0.0 if binary(file) else SINGLE * np.abs(corners).max()
     proper = (numbers != np.roll(numbers, 1, axis=1)).any(axis=2).all(axis=1)
     one, two = _rows(corners), _rows(numbers[proper])
@@ -254,9 +254,9 @@ class Rows:
         return cls(world, frames, times, values)
 
 
-def matrix(said: dict[str, Any]) -> Array:
+def matrix(section: dict[str, Any]) -> Array:
     found = np.eye(4)
-    found[:3, :3], found[:3, 3] = np.reshape(said["rotation"], (3, 3)), said["position"]
+    found[:3, :3], found[:3, 3] = np.reshape(section["rotation"], (3, 3)), section["position"]
     return found
 
 
@@ -283,21 +283,21 @@ def completed(third: Third, values: dict[str, float], held: dict[str, float]) ->
 
 def same_robot(reading: Reading, third: Third, rows: Rows) -> None:
     """Assert that links and bodies are where Pinocchio has them, and that their shapes are coal's."""
-    said, data = reading.world, third.model.createData()
+    world, data = reading.world, third.model.createData()
     placed, links = pin.GeometryData(third.geometry), third.links()
-    bodies = [x for x in said["bodies"] if x["kind"] == "link"]
-    assert {*said["links"]} - {*WHEELED} == {*links}
+    bodies = [x for x in world["bodies"] if x["kind"] == "link"]
+    assert {*world["links"]} - {*WHEELED} == {*links}
     assert [x["name"] for x in bodies] == [link for link, _ in third.bodies()]
     for body, (_, i) in zip(bodies, third.bodies(), strict=True):
         item = third.geometry.geometryObjects[i]
         same_shape(body["shape"], shape_of(item), item.meshPath)
     for frames, values in zip(rows.frames, rows.values, strict=True):
-        q = third.q(completed(third, values, said["held"]))
+        q = third.q(completed(third, values, world["held"]))
         base = third.base.homogeneous @ driven(values)
         pin.framesForwardKinematics(third.model, data, q)
         pin.updateGeometryPlacements(third.model, data, third.geometry, placed)
         for name, i in links.items():
-            link = said["links"][name]
+            link = world["links"][name]
             there = base @ data.oMf[i].homogeneous
             np.testing.assert_allclose(frames[link["joint"]] @ matrix(link), there, atol=CLOSE)
         for body, (_, i) in zip(bodies, third.bodies(), strict=True):
@@ -307,13 +307,13 @@ def same_robot(reading: Reading, third: Third, rows: Rows) -> None:
 
 def same_dynamics(reading: Reading, third: Third, rows: Rows, rng: Random) -> None:
     """Assert that the kernel's bounds of torques are Pinocchio's torques, rounded up, and the masses its masses."""
-    said, joints = reading.world, rows.world.joints[: rows.world.own]
+    world, joints = reading.world, rows.world.joints[: rows.world.own]
     names = [x.name for x in joints]
     k, n = len(rows.values), len(names)
-    whole = [completed(third, values, said["held"]) for values in rows.values]
+    whole = [completed(third, values, world["held"]) for values in rows.values]
     q = np.array([[values[name] for name in names] for values in whole])
     v, a = rng.uniform(-2, 2, (k, n)), rng.uniform(-5, 5, (k, n))
-    parts = [((x["mass"], x["moment"], inertia_of(x)), x["off"]) for x in said["loads"]]
+    parts = [((x["mass"], x["moment"], inertia_of(x)), x["off"]) for x in world["loads"]]
     loads = [[Ball(each, off) for each in three] for three, off in parts]
     with np.errstate(all="ignore"):
         bounds = torques(rows.world, loads, *(Line(x, np.zeros((k, n)), np.zeros((k, n))) for x in (q, v, a)))
@@ -325,7 +325,7 @@ def same_dynamics(reading: Reading, third: Third, rows: Rows, rng: Random) -> No
         assert (found <= bounds[i] + scale).all()
         assert (bounds[i] <= found + scale).all()
     pin.forwardKinematics(third.model, data, third.q(whole[0]))
-    for name, load in zip(names, said["loads"], strict=True):
+    for name, load in zip(names, world["loads"], strict=True):
         mass, moment, about = third.load(third.model.getJointId(name), {*names}, data)
         slack = CLOSE * (1.0 + np.abs(about).max() + mass)
         assert abs(load["mass"] - mass) <= slack
@@ -341,16 +341,16 @@ def inertia_of(load: dict[str, Any]) -> Array:
 
 def same_limits(reading: Reading, third: Third, given: dict[str, dict[str, float]]) -> None:
     """Assert that the limits are those of the URDF where the scene gives none of its own."""
-    said = reading.world
-    for i, joint in enumerate(said["joints"]):
+    world = reading.world
+    for i, joint in enumerate(world["joints"]):
         if (name := joint["name"]) in WHEELS:
             continue
         at = third.model.idx_vs[third.model.getJointId(name)]
-        assert said["limits"]["position"][i] == third.range_of(name)
+        assert world["limits"]["position"][i] == third.range_of(name)
         for key, own in (("velocity", third.model.upperVelocityLimit), ("torque", third.model.upperEffortLimit)):
             urdf = float(own[at]) if 0 < own[at] < np.inf else None
             following = name in third.rules and key == "torque"
-            assert said["limits"][key][i] == given[key].get(name, None if following else urdf)
+            assert world["limits"][key][i] == given[key].get(name, None if following else urdf)
 
 
 # --- robots -----------------------------------------------------------------------------------------------------------
@@ -383,12 +383,12 @@ def no_bodies(urdf: Path) -> list[str]:
     for link in ElementTree.parse(urdf).getroot().findall("link"):
         if (inertial := link.find("inertial")) is None:
             continue
-        said = {**inertial.find("inertia").attrib, **inertial.find("mass").attrib}
-        six = np.array([float(said[x]) for x in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")])
+        attributes = {**inertial.find("inertia").attrib, **inertial.find("mass").attrib}
+        six = np.array([float(attributes[x]) for x in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")])
         moments = np.linalg.eigvalsh(inertia_of({"inertia": six}))
         room = 0.02 * np.abs(moments).max() + 2e-9
         good = moments[0] > -room and moments[2] < moments[0] + moments[1] + room
-        if not good or (float(said["value"]) == 0 and moments[2] > 2e-9):
+        if not good or (float(attributes["value"]) == 0 and moments[2] > 2e-9):
             found.append(link.get("name", ""))
     return found
 
@@ -396,7 +396,7 @@ def no_bodies(urdf: Path) -> list[str]:
 def robot_compared(file: str, folder: Path, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Read a robot at random configurations, some joints moving and the others held anywhere."""
     rng = np.random.default_rng(FILES.index(file))
-    said, base = placed_base(rng)
+    section, base = placed_base(rng)
     third = Third.of(LIBRARY / file, base)
     leading = [x for x in third.joints if x not in third.rules]
     ranges = {x: [FREE * s if abs(y) > 10 else y for y, s in zip(third.room(x), (-1, 1), strict=True)] for x in leading}
@@ -405,7 +405,7 @@ def robot_compared(file: str, folder: Path, count: int, monkeypatch: pytest.Monk
     heavy = {x for x in leading if data.mass[third.model.getJointId(x)] > 0}
     able = [x for x in leading if third.room(x)[0] < third.room(x)[1] and x in heavy] or leading
     group = sorted(rng.choice(able, min(MOST, -(-4 * len(able) // 5)), replace=False).tolist())
-    spec: dict[str, Any] = {"urdf": str(LIBRARY / file), "base": said, "group": group}
+    spec: dict[str, Any] = {"urdf": str(LIBRARY / file), "base": section, "group": group}
     spec["locked"] = {x: float(drawn[x][0]) for x in leading if x not in group}
     wheels = {x: [-2.0, 2.0] for x in WHEELS} if rng.random() < 0.3 else {}
     if wheels:
@@ -456,15 +456,15 @@ def test_every_robot_of_the_library_is_that_of_pinocchio(
 # --- scenes -----------------------------------------------------------------------------------------------------------
 
 
-def pose_of(said: dict[str, Any] | None) -> tuple[Rotation, Array]:
+def pose_of(section: dict[str, Any] | None) -> tuple[Rotation, Array]:
     """A pose of a scene, by SciPy."""
-    said = said or {}
+    section = section or {}
     turn = Rotation.identity()
-    if "rpy" in said:
-        turn = Rotation.from_euler("xyz", said["rpy"])
-    if "quaternion_xyzw" in said:
-        turn = Rotation.from_quat(said["quaternion_xyzw"])
-    return turn, np.array(said.get("position", [0.0, 0.0, 0.0]), dtype=float)
+    if "rpy" in section:
+        turn = Rotation.from_euler("xyz", section["rpy"])
+    if "quaternion_xyzw" in section:
+        turn = Rotation.from_quat(section["quaternion_xyzw"])
+    return turn, np.array(section.get("position", [0.0, 0.0, 0.0]), dtype=float)
 
 
 def homogeneous(turn: Rotation, at: Array) -> Array:
@@ -487,21 +487,24 @@ def place_of(entry: dict[str, Any], time: float) -> Array:
     return homogeneous(turn, at)
 
 
-def shape_said(said: dict[str, Any], folder: Path) -> tuple[Shape, str]:
+def shape_in(section: dict[str, Any], folder: Path) -> tuple[Shape, str]:
     """A shape of a scene, meshes loaded by coal."""
-    if said["type"] == "mesh":
-        file, scale = str(folder / said["file"]), np.broadcast_to(np.array(said.get("scale", 1.0), dtype=float), 3)
+    if section["type"] == "mesh":
+        file, scale = (
+            str(folder / section["file"]),
+            np.broadcast_to(np.array(section.get("scale", 1.0), dtype=float), 3),
+        )
         return ("mesh", corners_of(coal.MeshLoader().load(file, np.array(scale)), file)), file
-    sizes = [said[x] for x in SIZES if x in said]
-    return (said["type"], np.hstack(sizes)), ""
+    sizes = [section[x] for x in SIZES if x in section]
+    return (section["type"], np.hstack(sizes)), ""
 
 
 def weighed(top: dict[str, Any], home: Path, folder: Path) -> Reading:
     """Read a scene of the folder `home` with a limit of all torques, and the motion in `folder`."""
     top = copy.deepcopy(top)
     top["limits"] = {**top.get("limits", {}), "torque": 1000}
-    for said in (top["robot"], *(x["shape"] for x in top.get("obstacles", []) + top.get("attached", []))):
-        said |= {x: str(home / said[x]) for x in ("urdf", "srdf", "file") if x in said}
+    for section in (top["robot"], *(x["shape"] for x in top.get("obstacles", []) + top.get("attached", []))):
+        section |= {x: str(home / section[x]) for x in ("urdf", "srdf", "file") if x in section}
     (folder / "scene.yaml").write_text(yaml.safe_dump(top))
     return read_world(folder / "scene.yaml", folder / "motion.json")
 
@@ -530,7 +533,7 @@ def scene_compared(name: str, folder: Path, count: int) -> None:
     data, links = third.model.createData(), third.links()
     for body, entry in zip(held + around, top.get("attached", []) + top.get("obstacles", []), strict=True):
         assert body["name"] == entry["name"]
-        same_shape(body["shape"], *shape_said(entry["shape"], file.parent))
+        same_shape(body["shape"], *shape_in(entry["shape"], file.parent))
         pieces = [x for x in rows.world.pieces if x.name == body["name"]]
         for frames, values, time in zip(rows.frames, rows.values, rows.times, strict=True):
             if body["kind"] == "held":

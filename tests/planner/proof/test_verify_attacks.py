@@ -58,11 +58,11 @@ def test_another_description_in_the_robot_s_folder_is_rejected(cage: Content) ->
 
 def test_a_joint_that_follows_another_is_held_where_it_follows(cage: Content, tmp_path: Path) -> None:
     """Where neither scene nor motion say so, a proof must not close one finger alone."""
-    said, text = json.loads(cage[0].read_text()), find_scene("panda_cage").read_text()
+    content, text = json.loads(cage[0].read_text()), find_scene("panda_cage").read_text()
     assert ", panda_finger_joint2: 0.04" in text
-    del said["locked"]["panda_finger_joint2"]
+    del content["locked"]["panda_finger_joint2"]
     motion, scene = tmp_path / "m.json", tmp_path / "scene.yaml"
-    motion.write_text(json.dumps(said))
+    motion.write_text(json.dumps(content))
     scene.write_text(text.replace(", panda_finger_joint2: 0.04", ""))
     hashes = {
         key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in (("scene", scene), ("motion", motion))
@@ -137,8 +137,8 @@ def test_joints_come_in_the_order_in_which_a_scene_counts_them(name: str, tmp_pa
         f"hdplan: 1\nrobot: {{name: {name}}}\nstart: {{joints: {ends}}}\ngoal: {{joints: {ends}}}\n"
     )
     rows = np.zeros((2, len(joints))).tolist()
-    said = {"hdplan_trajectory": 1, "joint_names": joints, "positions": rows}
-    (tmp_path / "m.json").write_text(json.dumps(said))
+    motion = {"hdplan_trajectory": 1, "joint_names": joints, "positions": rows}
+    (tmp_path / "m.json").write_text(json.dumps(motion))
     world = read_world(tmp_path / "s.yaml", tmp_path / "m.json").world
     assert [x["name"] for x in world["joints"] if x["follows"] is None] == joints[::-1]
     assert world["held"] == robot.locked

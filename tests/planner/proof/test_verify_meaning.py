@@ -139,7 +139,7 @@ def test_a_robot_that_the_checker_does_not_read_needs_a_proof_that_has_it(name: 
 
 
 @pytest.mark.parametrize(
-    ("said", "path", "wrong"),
+    ("limit", "path", "wrong"),
     [
         ({"velocity": 0.9}, ("velocity", 0), 1.0),
         ({"velocity": {"b": 0.9}}, ("velocity", 1), 1.0),
@@ -149,11 +149,11 @@ def test_a_robot_that_the_checker_does_not_read_needs_a_proof_that_has_it(name: 
         ({"jerk": 9}, ("jerk", 0), None),
     ],
 )
-def test_limits_in_numbers_are_not_taken_from_a_proof(said: Any, path: Any, wrong: Any, tmp_path: Path) -> None:
+def test_limits_in_numbers_are_not_taken_from_a_proof(limit: Any, path: Any, wrong: Any, tmp_path: Path) -> None:
     robot = {**SCENE["robot"], "urdf": "r.urdf.xacro"}
     timed = {**MOTION, "times": [0, 9], "velocities": [[0, 0]] * 2, "accelerations": [[0, 0]] * 2}
     scene, motion = files(
-        tmp_path, {"robot": robot, "limits": said, "timing": {"duration": 9}}, timed, URDF, "r.urdf.xacro"
+        tmp_path, {"robot": robot, "limits": limit, "timing": {"duration": 9}}, timed, URDF, "r.urdf.xacro"
     )
     head, world, rest = unpacked(hdplan.prove(scene, motion).data)
     assert words_of(scene, motion, packed(head, world, rest)).startswith("accepted in part")
@@ -205,15 +205,15 @@ def test_what_is_certified_is_proven_whole(kind: str, tmp_path: Path) -> None:
 
 
 def test_rows_farther_apart_than_the_scene_says_are_named(tmp_path: Path) -> None:
-    for rate, rows, said in ((2, 5, ""), (2, 4, "up to 0.6666666666666667 s apart, 2 in a second"), (None, 2, "")):
+    for rate, rows, message in ((2, 5, ""), (2, 4, "up to 0.6666666666666667 s apart, 2 in a second"), (None, 2, "")):
         timing = {"duration": 2} | ({} if rate is None else {"rate": rate})
         share = np.linspace(0, 1, rows)[:, None]
         way = (1 - share) * np.array(MOTION["positions"][:1]) + share * np.array(MOTION["positions"][1:])
         motion = {**MOTION, "times": (2 * share[:, 0]).tolist(), "positions": way.tolist()}
         proof = hdplan.prove(*files(tmp_path, {"timing": timing}, motion))
         assert proof.text.startswith("accepted:")
-        assert ("timing.rate" in proof.text) == bool(said)
-        assert said in proof.text
+        assert ("timing.rate" in proof.text) == bool(message)
+        assert message in proof.text
 
 
 @pytest.mark.parametrize("word", ["<<: {radius: 0.2}, <<: {radius: 0.1}", "<<: {radius: 0.2}, '<<': {radius: 0.1}"])
@@ -248,8 +248,8 @@ def test_other_goals_and_speeds_are_not_proven(tmp_path: Path) -> None:
 def test_an_obstacle_may_ask_for_less_than_the_others(own: float, usual: float, tmp_path: Path) -> None:
     """It is 76 mm away, the other one farther than what is asked; a proof that claims so must keep it."""
     near = {**SCENE["obstacles"][0], "name": "near", "pose": {"position": [0.85, 0, 1.15]}, "clearance": own}
-    asked = {"obstacles": [*SCENE["obstacles"], near], "planner": {"clearance": usual}}
-    two = files(tmp_path, asked)
+    content = {"obstacles": [*SCENE["obstacles"], near], "planner": {"clearance": usual}}
+    two = files(tmp_path, content)
     proof = hdplan.prove(*two)
     assert proof.text.startswith("accepted:")
     assert ("; 299.999999 mm from obstacle o\n" in proof.text) == (usual == 0.3)  # the double 0.3 is below 0.3
@@ -287,9 +287,9 @@ def test_a_linked_scene_names_files_beside_the_link(tmp_path: Path) -> None:
 
 def test_links_that_always_touch_matter_only_where_links_are_compared(tmp_path: Path) -> None:
     wide = URDF.replace('<sphere radius="0.02"/>', '<sphere radius="0.8"/>')
-    for asked in (True, False):
-        two = files(tmp_path, {"self_collision": asked, "obstacles": []}, MOTION, wide)
-        if asked:
+    for requested in (True, False):
+        two = files(tmp_path, {"self_collision": requested, "obstacles": []}, MOTION, wide)
+        if requested:
             with pytest.raises(hdplan.InputError, match="always touch, which the checker of proofs does not show"):
                 hdplan.prove(*two)
         else:
@@ -369,12 +369,12 @@ def test_pairs_that_the_scene_asks_to_check_are_kept_apart_whatever_the_srdf_say
     words = '<robot name="r"><disable_collisions link1="base" link2="finger"/></robot>'
     (tmp_path / "r.srdf").write_text(words)
     far, near = frozenset(("base", "finger")), frozenset(("base", "up"))  # neighbours
-    for asked in ([], [["finger", "base"]], [["base", "up"]], [["base", "finger"], ["up", "base"]]):
-        robot = {**SCENE["robot"], "srdf": "r.srdf", "check_pairs": asked}
+    for checked in ([], [["finger", "base"]], [["base", "up"]], [["base", "finger"], ["up", "base"]]):
+        robot = {**SCENE["robot"], "srdf": "r.srdf", "check_pairs": checked}
         scene, motion = files(tmp_path, {"robot": robot})
         world = read(scene, motion)
         pairs = {frozenset(world.pieces[i].name for i in pair) for pair in world.pairs.tolist()}
-        wanted = {frozenset(pair) for pair in asked}
+        wanted = {frozenset(pair) for pair in checked}
         assert pairs & {far, near} == wanted
         assert {*map(frozenset, world.left_out)} & {far, near} == {far, near} - wanted
         ours = hdplan.build(hdplan.load_scene(scene)).robot

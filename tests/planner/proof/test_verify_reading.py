@@ -182,8 +182,10 @@ def test_a_key_that_stands_twice_in_a_motion_is_refused(tmp_path: Path) -> None:
 
 def test_a_motion_without_positions_has_no_others_in_their_place(tmp_path: Path) -> None:
     two = files(hdplan.Scene(robot="panda", start=HOME, goal=HOME), tmp_path)
-    said = json.loads(two[1].read_text())
-    two[1].write_text(json.dumps({**said, "times": [0, 1], "velocities": said.pop("positions")} | {"positions": None}))
+    content = json.loads(two[1].read_text())
+    two[1].write_text(
+        json.dumps({**content, "times": [0, 1], "velocities": content.pop("positions")} | {"positions": None})
+    )
     with pytest.raises(RejectedError, match="has no positions"):
         read(*two)
 
@@ -271,8 +273,8 @@ def test_limits_of_a_scene_do_not_widen_those_of_the_robot(tmp_path: Path) -> No
     for room, good in ((0.0101, True), (0.0099, False)):
         start = [2.8973 - room, *HOME[1:]]
         scene = hdplan.Scene(robot="panda", start=start, goal=start)
-        for asked, fine in (({}, good), ({"panda_joint1": [-9, 9]}, good), ({"panda_joint1": [0, start[0]]}, False)):
-            more = f"{json.dumps({'limits': {'position': asked}})[1:-1]}\n"
+        for limits, fine in (({}, good), ({"panda_joint1": [-9, 9]}, good), ({"panda_joint1": [0, start[0]]}, False)):
+            more = f"{json.dumps({'limits': {'position': limits}})[1:-1]}\n"
             found = read(*files(scene, tmp_path, lambda text, more=more: text + more))
             if fine:
                 statement(found, head)
@@ -322,22 +324,22 @@ runpy.run_module("hdplan.verify.kernel", run_name="__main__")"""
 def test_the_statement_names_the_files_that_were_read(tmp_path: Path) -> None:
     two = files(hdplan.Scene(robot="panda", start=HOME, goal=[HOME[0] + 0.01, *[x + 0.01 for x in HOME[1:]]]), tmp_path)
     proof = hdplan.prove(*two)
-    said = words_of(*two, proof.data).splitlines()
+    lines = words_of(*two, proof.data).splitlines()
     hashes = read_world(*two).hashes
     assert {"scene", "urdf", "srdf"} < {*hashes}
     for key, digest in hashes.items():
-        assert (f"  {key}: SHA-256 {digest[:16]}" in said) == (key != "motion")
+        assert (f"  {key}: SHA-256 {digest[:16]}" in lines) == (key != "motion")
 
 
 @pytest.mark.parametrize(("least", "whole"), [(0.02, True), (0.019, False), (None, True)])
-def test_a_clearance_between_links_that_is_not_reached_is_said(
+def test_a_clearance_between_links_that_is_not_reached_is_reported(
     least: float | None, whole: bool, tmp_path: Path
 ) -> None:
     """None: there are no two links to be kept apart."""
-    asked = hdplan.SelfCollision(clearance=0.02)
-    found = world(hdplan.Scene(robot="panda", start=HOME, goal=HOME, self_collision=asked), tmp_path)
-    said, _ = statement(found, {"clearance": None, "self_clearance": least, "claims": ["limits", "start"]})
-    assert ("a clearance of 20 mm (links)" not in said.splitlines()[0]) == whole
+    required = hdplan.SelfCollision(clearance=0.02)
+    found = world(hdplan.Scene(robot="panda", start=HOME, goal=HOME, self_collision=required), tmp_path)
+    text, _ = statement(found, {"clearance": None, "self_clearance": least, "claims": ["limits", "start"]})
+    assert ("a clearance of 20 mm (links)" not in text.splitlines()[0]) == whole
 
 
 @pytest.mark.parametrize(

@@ -128,10 +128,10 @@ def test_shapes_are_those_of_the_page() -> None:
     scene = load_scene("panda_cup")
     scene = replace(scene, obstacles=[*shapes])
     found = [each["shape"] for each in world(scene)["bodies"] if each["kind"] == "obstacle"]
-    said = re.findall(r"`(\w+)`", PAGE[PAGE.index("A **shape**") : PAGE.index("A mesh is scaled first")])
+    names = re.findall(r"`(\w+)`", PAGE[PAGE.index("A **shape**") : PAGE.index("A mesh is scaled first")])
     for shape, (kind, (points, parts, sweep)) in zip(found, shapes.items(), strict=True):
         assert [*shape] == ["points", "parts", "sweep", "off"]
-        assert type(kind).__name__.lower() in said
+        assert type(kind).__name__.lower() in names
         assert points is None or np.abs(np.array(shape["points"]) - points).max() < 1e-15
         assert (shape["parts"], shape["sweep"]) == (parts, sweep)
         assert (0.0 < shape["off"] < 1e-10) == isinstance(kind, Cloud | Voxels)
@@ -355,10 +355,10 @@ def test_what_does_not_matter_changes_nothing(name: str, tmp_path: Path) -> None
 def put(*path: Any, to: Any = None) -> Callable[[World], None]:
     """A change of one value of a scene's file; a function gets the old one, which is None where there was none."""
 
-    def change(said: World) -> None:
+    def change(world: World) -> None:
         for key in path[:-1]:
-            said = said[key] if isinstance(said, list) else said.setdefault(key, {})
-        said[path[-1]] = to(said[path[-1]]) if callable(to) else to
+            world = world[key] if isinstance(world, list) else world.setdefault(key, {})
+        world[path[-1]] = to(world[path[-1]]) if callable(to) else to
 
     return change
 

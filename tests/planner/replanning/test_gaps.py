@@ -41,7 +41,7 @@ def test_links_that_are_not_measured_are_farther_than_the_closest() -> None:
     assert 3 < touching < 30
 
 
-def test_a_gap_that_is_not_measured_is_no_smaller_than_it_is_said_to_be() -> None:
+def test_a_gap_that_is_not_measured_is_no_smaller_than_stated() -> None:
     """A robot at its greatest speeds among all that moves in a world: contact, and each distance below what is asked,
     is found when it is there, though most distances are not measured."""
     scene, _ = worlds.scene_of(3)

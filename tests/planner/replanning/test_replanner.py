@@ -200,7 +200,7 @@ def test_bad_input_is_refused_in_one_line_and_changes_nothing() -> None:
     ball = hdplan.Obstacle("ball", hdplan.Sphere(0.1), [3.0, 0.0, 0.0])
     timed = dataclasses.replace(ball, pose=hdplan.Pose(), motion=hdplan.TimedPoses([0, 1], [[0, 0, 0], [1, 0, 0]]))
     nan = float("nan")
-    for call, said in (
+    for call, message in (
         (lambda: replanner.step(nan), "t: must be a finite time"),
         (lambda: replanner.step(True), "t: must be a finite time"),
         (lambda: replanner.step(0.0), "t: must be no earlier than the last step"),
@@ -224,7 +224,7 @@ def test_bad_input_is_refused_in_one_line_and_changes_nothing() -> None:
         (lambda: hdplan.Replanner(hdplan.load_scene("planar_arm")), "limits.acceleration: is missing"),
         (lambda: hdplan.Replanner(dataclasses.replace(scene, timing=hdplan.Timing(2.0))), "timing.duration"),
     ):
-        with pytest.raises(hdplan.InputError, match=said) as caught:
+        with pytest.raises(hdplan.InputError, match=message) as caught:
             call()
         assert "\n" not in str(caught.value)
     after = drive.step()
@@ -295,11 +295,11 @@ def test_an_executor_that_fails_costs_a_way_and_no_command() -> None:
             future.set_exception(ZeroDivisionError("none"))
             return future
 
-    for executor, said in ((Failing(), "ended with ZeroDivisionError: none"), (ThreadPoolExecutor(1), "shutdown")):
+    for executor, message in ((Failing(), "ended with ZeroDivisionError: none"), (ThreadPoolExecutor(1), "shutdown")):
         drive = Drive(limited("planar_arm"), executor=executor)
         executor.shutdown()
         drive.period()
-        assert said in drive.step().why
+        assert message in drive.step().why
     with pytest.raises(hdplan.InputError, match="executor: must be of the class Executor"):
         hdplan.Replanner(limited("planar_arm"), executor=5)
 

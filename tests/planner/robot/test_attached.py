@@ -92,10 +92,10 @@ def test_absent_means_absent(carry: Scene) -> None:
     assert bare.self_pairs == robot.self_pairs[: len(bare.self_pairs)]
     problem = build(alone)
     assert all(body.link != "bottle" for body in problem.bodies)
-    said = explain(problem)
-    assert set(explain(build(carry))) - set(said) == {"held objects"}
-    assert dict(said.pop("off"))["held objects"] == "needs attached[]"
-    assert "held object" not in str(said)
+    rows = explain(problem)
+    assert set(explain(build(carry))) - set(rows) == {"held objects"}
+    assert dict(rows.pop("off"))["held objects"] == "needs attached[]"
+    assert "held object" not in str(rows)
     assert "bottle" not in str(explain(problem))
     with_it = build(carry)
     assert [term.name for term in with_it.terms] == [term.name for term in problem.terms]
@@ -165,7 +165,7 @@ def test_a_robot_that_does_not_hold_it_proves_nothing(carry: Scene) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"link": "panda_hnad"}, r"attached\.thing\.link: unknown link 'panda_hnad' \(did you mean 'panda_hand'"),
         ({"touch_links": ("finger",)}, r"attached\.thing\.touch_links: unknown link 'finger'"),
@@ -177,10 +177,10 @@ def test_a_robot_that_does_not_hold_it_proves_nothing(carry: Scene) -> None:
         ({"shape": Mesh(Path("flat.stl"))}, r"attached\.thing: mesh .*flat\.stl: "),
     ],
 )
-def test_bad_input_is_refused_by_name(carry: Scene, change: dict[str, object], said: str) -> None:
+def test_bad_input_is_refused_by_name(carry: Scene, change: dict[str, object], message: str) -> None:
     held = replace(Attached("thing", "panda_hand", Sphere(0.1)), **change)
     scene = replace(carry, attached=(held,))
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         load_scene_robot(scene)
     assert str(caught.value).startswith("the scene made from panda_carry: ")
     assert "\n" not in str(caught.value)
@@ -196,9 +196,9 @@ def test_a_changed_mesh_is_read_again(carry: Scene, tmp_path: Path) -> None:
 
 def test_it_is_explained_and_drawn(carry: Scene) -> None:
     problem = build(carry)
-    ((name, said),) = explain(problem)["held objects"]
+    ((name, text),) = explain(problem)["held objects"]
     assert name == "bottle"
-    assert said.startswith("cylinder, radius 0.03 m, length 0.26 m, held by panda_hand, may touch panda_leftfinger")
+    assert text.startswith("cylinder, radius 0.03 m, length 0.26 m, held by panda_hand, may touch panda_leftfinger")
     assert "1 held object" in dict(explain(problem)["scene"])["outer bodies"]
     robot = load_scene_robot(carry)
     (skin,) = (skin for skin in visual_skins(robot, carry.robot)[0] if skin.link == "bottle")

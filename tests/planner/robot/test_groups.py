@@ -176,12 +176,14 @@ def test_a_goal_for_a_joint_that_is_held_is_met_or_refused(moveit: Loading, grou
         motion = Trajectory(robot.joint_names, np.array([query.start, query.goal]), robot.locked)
         certify(scene, motion, robot)
         for off in (1e-5, -0.3):
-            asked = moveit({**goal, joint: START[joint] + off}, group)
-            said = rf"goal \(.*request\.yaml\): joint '{joint}' is given the value .*, but is not planned and held at "
-            with pytest.raises(InputError, match=said):
-                plan(asked, time_limit=1.0)
-            with pytest.raises(InputError, match=said):
-                certify(asked, motion, load_scene_robot(asked))
+            request = moveit({**goal, joint: START[joint] + off}, group)
+            message = (
+                rf"goal \(.*request\.yaml\): joint '{joint}' is given the value .*, but is not planned and held at "
+            )
+            with pytest.raises(InputError, match=message):
+                plan(request, time_limit=1.0)
+            with pytest.raises(InputError, match=message):
+                certify(request, motion, load_scene_robot(request))
 
 
 def test_a_start_that_the_robots_own_section_contradicts_is_refused(moveit: Loading) -> None:
@@ -191,8 +193,8 @@ def test_a_start_that_the_robots_own_section_contradicts_is_refused(moveit: Load
     goal = {"right_a": 0.2, "right_b": 0.2}
     with pytest.raises(InputError, match=r"group_name: is 'left', but the robot's own section says 'right'"):
         moveit(goal, "left", own_group="right")
-    for asked in ("", "right", "pair_right"):
-        assert moveit(goal, asked, own_group="right").robot.group == "right"
+    for group in ("", "right", "pair_right"):
+        assert moveit(goal, group, own_group="right").robot.group == "right"
 
 
 def test_a_value_for_a_joint_that_the_robot_lacks_is_left_out_with_a_note(moveit: Loading) -> None:
@@ -269,10 +271,10 @@ def test_the_robot_and_what_stands_on_it_move_together(moveit: Loading) -> None:
 
 
 @pytest.mark.parametrize(
-    ("frame", "said"), [("column", "'column' moves"), ("left_tip", "moves"), ("cameras", "'camera'")]
+    ("frame", "message"), [("column", "'column' moves"), ("left_tip", "moves"), ("cameras", "'camera'")]
 )
-def test_a_frame_that_moves_or_is_not_known_is_refused(moveit: Loading, frame: str, said: str) -> None:
-    with pytest.raises(InputError, match=rf"collision_objects\[0\]\.header\.frame_id: .*{said}"):
+def test_a_frame_that_moves_or_is_not_known_is_refused(moveit: Loading, frame: str, message: str) -> None:
+    with pytest.raises(InputError, match=rf"collision_objects\[0\]\.header\.frame_id: .*{message}"):
         moveit(GOAL, "left", objects=[thing(frame)])
 
 
@@ -312,8 +314,8 @@ def test_joints_may_be_named_instead_of_a_group(two_arms: RobotSpec) -> None:
         ((), "must not be empty"),
         (("lift", "lift"), r"\[1\]: the joint 'lift' appears twice"),
     )
-    for names, said in wrong:
-        with pytest.raises(InputError, match=said):
+    for names, message in wrong:
+        with pytest.raises(InputError, match=message):
             replace(two_arms, group=names)
     fingers = tuple(load_robot(RobotSpec(name="panda")).locked)
     with pytest.raises(InputError, match=r"\[1\].*it is a mimic joint, which follows 'panda_finger_joint1'"):
@@ -458,7 +460,7 @@ def test_joints_that_the_start_names_beside_the_group_are_held_there(two_arms: R
     np.testing.assert_array_equal(Setup.of(scene).query.start, [START["left_a"], START["left_b"]])
     same = own_scene(spec, start, {"left_a": 0.2, "left_b": 0.3, "lift": START["lift"]})
     np.testing.assert_array_equal(Setup.of(same).query.goal, [0.2, 0.3])
-    for goal, locked, said in (
+    for goal, locked, message in (
         (
             {"left_a": 0.2, "left_b": 0.3, "lift": 0.5},
             {},
@@ -471,7 +473,7 @@ def test_joints_that_the_start_names_beside_the_group_are_held_there(two_arms: R
         ),
         ({"left_a": 0.2, "left_b": 0.3, "lft": 0.5}, {}, r"goal: unknown joint 'lft' \(did you mean 'lift'"),
     ):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             _ = Setup.of(own_scene(replace(spec, locked=locked), start, goal)).query
 
 
@@ -499,6 +501,6 @@ def test_many_missing_joints_are_not_all_listed() -> None:
     robot = load_robot(spec)
     assert robot.n > 20
     for target in (JointTarget("start", by_name={robot.joint_names[0]: 0.0}), JointTarget("start", (0.0,))):
-        with pytest.raises(InputError, match=r"^start: .* more; robot\.group .* robot\.locked holds others$") as said:
+        with pytest.raises(InputError, match=r"^start: .* more; robot\.group .* robot\.locked holds others$") as caught:
             robot.configuration(target)
-        assert sum(joint in str(said.value) for joint in robot.joint_names) < 12
+        assert sum(joint in str(caught.value) for joint in robot.joint_names) < 12

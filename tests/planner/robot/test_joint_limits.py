@@ -79,7 +79,7 @@ def test_what_does_not_fit_the_robot_is_refused(
 
 
 @pytest.mark.parametrize("missing", ["", 'effort="0" velocity="0"'])
-def test_a_urdf_without_limits_is_refused_where_they_are_asked_for(tmp_path: Path, missing: str) -> None:
+def test_a_urdf_without_limits_is_refused_where_they_are_requested(tmp_path: Path, missing: str) -> None:
     limit = f"<limit {missing}/>" if missing else ""
     urdf = tmp_path / "wheel.urdf"
     urdf.write_text(

@@ -78,7 +78,7 @@ def test_what_a_base_cannot_be_is_refused(tmp_path: Path) -> None:
     scene = Scene(robot=RobotSpec(name="ur5", base_joints=BASE), start=[0.0] * 9, goal=[0.1] * 9)
     scene.save(tmp_path / "base.yaml")
     text = (tmp_path / "base.yaml").read_text()
-    for old, new, said in (
+    for old, new, message in (
         ("[-1.0, 1.0]", "[1.0, -1.0]", r"robot\.base_joints\.y: must be a range from low to high"),
         ("[-1.0, 1.0]", "[1.0]", r"robot\.base_joints\.y: must be a list of 2"),
         ('"yaw"', '"yow"', r"robot\.base_joints: unknown key 'yow' \(did you mean 'yaw'\?\)"),
@@ -88,7 +88,7 @@ def test_what_a_base_cannot_be_is_refused(tmp_path: Path) -> None:
         changed = text.replace(old, new) if old in text else text.replace(old.replace('"', ""), new.replace('"', ""))
         assert changed != text
         (tmp_path / "base.yaml").write_text(changed)
-        with pytest.raises(InputError, match=rf"base\.yaml: {said}"):
+        with pytest.raises(InputError, match=rf"base\.yaml: {message}"):
             load_scene(tmp_path / "base.yaml")
     (tmp_path / "own.urdf").write_text(ROUND.replace("turn", "base_yaw"))
     with pytest.raises(InputError, match=r"robot\.base_joints: the description has a 'base_yaw' of its own"):

@@ -98,11 +98,11 @@ def test_every_listed_robot_loads_or_says_why_not(name: str) -> None:
     try:
         robot = load_robot(RobotSpec(name=name))
     except InputError as error:
-        said = str(error)
+        message = str(error)
     else:
-        said = " ".join(robot.notes)
+        message = " ".join(robot.notes)
         assert robot.n > 0
-    assert "\n" not in said
+    assert "\n" not in message
 
 
 def test_unknown_robots_links_and_joints_are_refused_with_the_nearest_name() -> None:
@@ -236,8 +236,8 @@ def test_a_request_holds_joints_that_are_not_planned_and_drops_unknown_ones() ->
     setup = Setup.of(scene, robot)
     np.testing.assert_array_equal(setup.query.start, READY)
     assert any("robotiq" in note for note in setup.notes)
-    told = replace(scene, robot=RobotSpec(name="panda", locked={"panda_finger_joint1": 0.01}))
-    assert load_scene_robot(told).locked["panda_finger_joint1"] == 0.01
+    changed = replace(scene, robot=RobotSpec(name="panda", locked={"panda_finger_joint1": 0.01}))
+    assert load_scene_robot(changed).locked["panda_finger_joint1"] == 0.01
 
 
 def test_limits_make_room_for_a_request_that_lies_a_little_beyond(panda: Robot) -> None:
@@ -290,7 +290,7 @@ def test_limits_make_room_for_a_named_state_that_lies_a_little_beyond(
     assert load_scene_robot(plain).upper.tolist() == [2.0, 1.0]
 
 
-def test_links_are_told_apart_whatever_they_are_called(tmp_path: Path) -> None:
+def test_links_are_distinguished_whatever_they_are_called(tmp_path: Path) -> None:
     """A held joint is taken out of Pinocchio's model, in which a link may have the joint's name."""
     file, names = tmp_path / "arm.urdf", ("base", "a (link)", "a")
     body = "<collision><geometry><sphere radius='0.1'/></geometry></collision>"
@@ -520,9 +520,9 @@ def test_pairs_that_the_scene_asks_to_check_are_checked_whatever_the_srdf_says()
     disabled, neighbours = ("panda_link5", "panda_link7"), ("panda_link1", "panda_link2")
     together = ("panda_hand", "panda_link7")
     assert plain.unchecked.keys() >= {disabled, neighbours, together}
-    asked = load_robot(RobotSpec(name="panda", check_pairs=(disabled[::-1], neighbours, together)))
-    assert {*asked.self_pairs} - {*plain.self_pairs} == {disabled, neighbours}
-    assert asked.unchecked.keys() == plain.unchecked.keys() - {disabled, neighbours}
+    checked = load_robot(RobotSpec(name="panda", check_pairs=(disabled[::-1], neighbours, together)))
+    assert {*checked.self_pairs} - {*plain.self_pairs} == {disabled, neighbours}
+    assert checked.unchecked.keys() == plain.unchecked.keys() - {disabled, neighbours}
     with pytest.raises(InputError, match=r"robot.check_pairs: unknown link 'panda_lnk2' .*'panda_link2'"):
         load_robot(RobotSpec(name="panda", check_pairs=(("panda_link1", "panda_lnk2"),)))
     with pytest.raises(InputError, match=r"check_pairs\[0\]: 'a' and 'b' are in ignore_pairs too"):
@@ -539,8 +539,8 @@ def test_a_pair_that_always_touches_and_is_to_be_checked_is_in_contact(tmp_path:
     urdf.write_text(f'<robot name="r">{links}{joint.format(1, "a", "b")}{joint.format(2, "b", "c")}</robot>')
     assert load_robot(RobotSpec(urdf=urdf)).self_pairs == ()
     pairs = (("a", "b"), ("a", "c"))
-    asked = RobotSpec(urdf=urdf, check_pairs=pairs)
-    assert load_robot(asked).self_pairs == pairs
-    scene = Scene(robot=asked, start=[0.0, 0.0], goal=[0.5, 0.5])
+    checked = RobotSpec(urdf=urdf, check_pairs=pairs)
+    assert load_robot(checked).self_pairs == pairs
+    scene = Scene(robot=checked, start=[0.0, 0.0], goal=[0.5, 0.5])
     with pytest.raises(UnsolvableError, match=r"a and [bc] overlap"):
         plan(scene)

@@ -116,7 +116,7 @@ def test_points_deep_inside_a_thick_mesh_are_in_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(kept(setup), points[~(inside | near)])
 
 
-def test_without_being_asked_nothing_is_left_out() -> None:
+def test_without_a_request_nothing_is_left_out() -> None:
     points = np.random.default_rng(0).uniform(-1.0, 1.0, size=(1000, 3))
     scene = scene_with(points)
     assert Setup.of(scene).scene is scene
@@ -189,15 +189,15 @@ def test_points_in_an_open_link_are_left_out_and_in_an_open_box_they_stay(tmp_pa
     )
     setup = Setup.of(scene)
     np.testing.assert_array_equal(kept(setup), np.vstack([local + there, far[:1]]))
-    said = [
+    notes = [
         "cloud 'view': left out in reading: 1 that are not finite",
         "cloud 'view': of 81 points left out: 40 within 10 mm of the robot (40 of them in meshes with holes), "
         "0 within 10 mm of box; 40 in box, whose mesh has holes, stay",
     ]
-    assert [note for note in setup.notes if "view" in note] == said
+    assert [note for note in setup.notes if "view" in note] == notes
     certificate = hdplan.certify(scene, Trajectory(setup.robot.joint_names, np.array([[0.0], [1.0]])))
     assert certificate.certified
-    assert [note for note in certificate.notes if "view" in note] == said
+    assert [note for note in certificate.notes if "view" in note] == notes
 
 
 def test_what_an_image_saw_out_of_range_is_counted() -> None:

@@ -135,7 +135,7 @@ ARM = """<robot name="arm"><link name="base"><collision><geometry><sphere radius
   <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
 
 
-def test_pairs_that_never_touch_are_checked_where_more_is_asked(tmp_path: Path) -> None:
+def test_pairs_that_never_touch_are_checked_where_more_is_required(tmp_path: Path) -> None:
     """Links 0.3 m apart at every configuration are not 0.4 m apart."""
     (tmp_path / "arm.urdf").write_text(ARM)
     spec = RobotSpec(urdf=tmp_path / "arm.urdf")
@@ -154,7 +154,7 @@ def test_pairs_that_never_touch_are_checked_where_more_is_asked(tmp_path: Path) 
 def test_the_command_writes_the_file_whole_or_not_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "arm.urdf").write_text(ARM)
     robot, out = str(tmp_path / "arm.urdf"), tmp_path / "arm.srdf"
-    for name, target, said in (
+    for name, target, message in (
         (robot, tmp_path / "arm.xml", r"ending '\.xml', allowed are \.srdf"),
         (robot, tmp_path / "no" / "arm.srdf", "does not exist"),
         ("panda", out, "--srdf: panda has an SRDF"),
@@ -162,7 +162,7 @@ def test_the_command_writes_the_file_whole_or_not_at_all(tmp_path: Path, capsys:
         (str(tmp_path / "leg.urdf"), out, r"leg\.urdf: no such file"),
         (None, out, "--srdf: of which robot"),
     ):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             run_robots(name, srdf=target, as_json=False)
         assert [path.name for path in tmp_path.iterdir()] == ["arm.urdf"]
     out.write_text("<robot name='arm'><group name='theirs'/></robot>")

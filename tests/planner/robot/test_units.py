@@ -13,11 +13,11 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 ARM = Path(shipped_scenes()["planar_arm"]).with_suffix(".urdf")
-ASKED = "hdplan takes"
+HINT = "hdplan takes"
 
 
-def asked(scene: hdplan.Scene) -> list[str]:
-    return [note for note in Setup.of(scene).notes if ASKED in note]
+def notes_of(scene: hdplan.Scene) -> list[str]:
+    return [note for note in Setup.of(scene).notes if HINT in note]
 
 
 def test_angles_of_a_scene_beyond_a_whole_turn(tmp_path: Path) -> None:
@@ -28,9 +28,9 @@ def test_angles_of_a_scene_beyond_a_whole_turn(tmp_path: Path) -> None:
         return hdplan.load_scene(tmp_path / "s.yaml")
 
     words = "is beyond a whole turn: is it in degrees? hdplan takes radians"
-    assert asked(scene("[180, 0, 0]")) == [f"s.yaml: obstacles[0].pose.rpy: 180 {words}"]
-    assert asked(scene("[0, 0, -6.4]")) == [f"s.yaml: obstacles[0].pose.rpy: -6.4 {words}"]
-    assert asked(scene("[3.1416, -6.2832, 0]")) == []
+    assert notes_of(scene("[180, 0, 0]")) == [f"s.yaml: obstacles[0].pose.rpy: 180 {words}"]
+    assert notes_of(scene("[0, 0, -6.4]")) == [f"s.yaml: obstacles[0].pose.rpy: -6.4 {words}"]
+    assert notes_of(scene("[3.1416, -6.2832, 0]")) == []
     assert f"s.yaml: obstacles[0].pose.rpy: 180 {words}" in hdplan.plan(scene("[180, 0, 0]")).notes
     with pytest.warns(UserWarning, match="rpy: 90 is beyond a whole turn"):
         hdplan.Pose.from_rpy([0, 0, 0], [90, 0, 0])
@@ -40,8 +40,8 @@ def test_angles_of_a_robot_beyond_a_whole_turn(tmp_path: Path) -> None:
     text = ARM.read_text().replace('<origin xyz="0.25 0 0"/>', '<origin xyz="0.25 0 0" rpy="0 0 180"/>')
     (tmp_path / "arm.urdf").write_text(text)
     notes = hdplan.load_robot(hdplan.RobotSpec(urdf=tmp_path / "arm.urdf")).notes
-    assert [note.split(":")[0] for note in notes if ASKED in note] == ["link 'upper_arm'", "link 'forearm'"]
-    assert not any(ASKED in note for note in hdplan.load_robot(hdplan.RobotSpec(urdf=ARM)).notes)
+    assert [note.split(":")[0] for note in notes if HINT in note] == ["link 'upper_arm'", "link 'forearm'"]
+    assert not any(HINT in note for note in hdplan.load_robot(hdplan.RobotSpec(urdf=ARM)).notes)
 
 
 def test_joint_values_in_degrees() -> None:
@@ -59,7 +59,7 @@ def test_meshes_in_millimetres(tmp_path: Path, scale: float) -> None:
     place = hdplan.Pose([2000.0, 0.0, 0.0])
     thing = hdplan.Obstacle("thing", hdplan.Mesh(tmp_path / "thing.stl"), place)
     scene = hdplan.Scene(robot=hdplan.RobotSpec(urdf=ARM), obstacles=[thing], start=[0, 0], goal=[0.5, 0])
-    found = asked(scene)
+    found = notes_of(scene)
     assert [note.split(" is ")[0] for note in found] == (["obstacle 'thing': mesh thing.stl"] if scale == 1.0 else [])
     result = hdplan.plan(scene)
     assert result.certified
@@ -67,4 +67,4 @@ def test_meshes_in_millimetres(tmp_path: Path, scale: float) -> None:
     text = ARM.read_text().replace('<box size="0.56 0.06 0.04"/>', '<mesh filename="thing.stl"/>')
     (tmp_path / "arm.urdf").write_text(text)
     large = hdplan.Scene(robot=hdplan.RobotSpec(urdf=tmp_path / "arm.urdf"), start=[0, 0], goal=[0.5, 0])
-    assert [note.split(" is ")[0] for note in asked(large)] == (["link 'upper_arm'"] if scale == 1.0 else [])
+    assert [note.split(" is ")[0] for note in notes_of(large)] == (["link 'upper_arm'"] if scale == 1.0 else [])

@@ -51,19 +51,19 @@ def test_what_is_free_for_all_is_free_for_each_alone_and_the_others_do_not_count
     assert space is not None
     arms, nothing = arms_of(problem), np.zeros(14, np.bool_)
     alone = [with_these_alone(space, arm) for arm in arms]
-    said = []
+    answers = []
     for _ in range(40):
         first, last = problem.robot.draw(rng, 2)
         last = first + 0.3 * (last - first)
         lines = [(first, np.where(arm, last, first)) for arm in arms]
         for one, arm, line in zip(alone, arms, lines, strict=True):
-            said.append((is_free(space, *line), is_free(one, *line)))
+            answers.append((is_free(space, *line), is_free(one, *line)))
             elsewhere = np.where(arm, line, problem.robot.draw(rng, 1))  # of the other arm
-            assert is_free(one, *elsewhere) == said[-1][1]
+            assert is_free(one, *elsewhere) == answers[-1][1]
         assert is_free(with_these_alone(space, nothing), first, last)
-        assert is_free(with_these_alone(space, ~nothing), *lines[0]) == said[-2][0]
-    assert all(own for both, own in said if both)
-    assert {(True, True), (False, True), (False, False)} <= set(said)
+        assert is_free(with_these_alone(space, ~nothing), *lines[0]) == answers[-2][0]
+    assert all(own for both, own in answers if both)
+    assert {(True, True), (False, True), (False, False)} <= set(answers)
 
 
 def test_each_arms_way_moves_it_alone_and_targets_are_on_the_ways_or_anywhere() -> None:

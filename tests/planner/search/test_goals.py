@@ -98,12 +98,12 @@ def test_where_every_branch_is_in_contact_the_search_still_speaks(monkeypatch: p
     robot = load_scene_robot(scene)
     start = robot.configuration(scene.start)
     scene = aimed(scene, target_at("tool0", placed(robot, "tool0", start), "none"))
-    asked = []
+    calls = []
     monkeypatch.setattr(goal_search, "every_branch", lambda *_: (np.full((1, robot.n), 100.0), ()))
     monkeypatch.setattr(goal_search, "_free", lambda _, found, *__: [(1.0, q) for q in found[:, 0] if q[0] < 99.0])
-    monkeypatch.setattr(goal_search, "reaching", lambda *args: (asked.append(args), reaching(*args))[1])
+    monkeypatch.setattr(goal_search, "reaching", lambda *args: (calls.append(args), reaching(*args))[1])
     goals = goal_choice(Certifier(Setup.of(scene))).goals
-    assert asked
+    assert calls
     assert np.abs(np.array([goal.positions for goal in goals]) - start).max(axis=1).min() < 0.1
 
 
@@ -214,8 +214,8 @@ def test_a_request_s_pose_is_planned_to_whatever_else_its_start_names() -> None:
     start = load_scene_robot(scene).configuration(scene.start)
     named = {**dict(zip(load_scene_robot(scene).joint_names, start.tolist(), strict=True)), "wheel": 1.0}
     named["panda_finger_joint1"] = named["panda_finger_joint2"] = 0.04
-    asked = dataclasses.replace(scene, start=JointTarget("start", by_name=named), from_request=True)
-    result = plan(asked)
+    request = dataclasses.replace(scene, start=JointTarget("start", by_name=named), from_request=True)
+    result = plan(request)
     assert result.certificate.certified
     assert any("wheel" in note for note in result.notes)
 
@@ -242,7 +242,7 @@ def test_of_several_goals_the_least_smoothness_cost_wins() -> None:
     assert result.goal.field == min(costs, key=lambda field: costs[field])
 
 
-def test_a_goal_in_collision_is_passed_over_and_said() -> None:
+def test_a_goal_in_collision_is_passed_over_and_reported() -> None:
     scene = load_scene("planar_arm")
     bad, good = JointTarget("goal.joints[0]", (0.0, 0.0)), JointTarget("goal.joints[1]", (1.0, 0.4))
     result = plan(aimed(scene, bad, good))
@@ -265,7 +265,7 @@ def test_links_that_will_not_do_are_refused(link: str, words: str) -> None:
         plan(scene)
 
 
-def test_the_explanation_says_what_is_asked_for() -> None:
+def test_the_explanation_says_what_is_requested() -> None:
     rows = dict(explain(build(load_scene("panda_grasp")))["scene"])
     assert rows["goal.pose"] == (
         "panda_hand_tcp within 1 mm of (0.55, 0.1, 0.39), within 0.01 rad, free to rotate about its x axis"
@@ -292,11 +292,11 @@ def bytes_of(result: PlanResult) -> Any:
 
 
 @pytest.mark.parametrize(("name", "link"), [("ur5_table", "tool0"), ("panda_cage", "panda_hand")])
-def test_goals_come_in_turn_as_if_all_had_been_asked(name: str, link: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_goals_come_in_turn_as_if_all_had_been_checked(name: str, link: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The best of each target first, then the second ones; some are never asked before the first one is there."""
-    scene, rng, asked = load_scene(name), np.random.default_rng(0), []
+    scene, rng, calls = load_scene(name), np.random.default_rng(0), []
     robot, free = load_scene_robot(scene), goal_search._free
-    monkeypatch.setattr(goal_search, "_free", lambda *given: (asked.append(given), free(*given))[1])
+    monkeypatch.setattr(goal_search, "_free", lambda *given: (calls.append(given), free(*given))[1])
     for seed in range(4):
         targets = [
             dataclasses.replace(target_at(link, placed(robot, link, q), "z" if i % 3 else "none"), field=str(i))
@@ -305,9 +305,9 @@ def test_goals_come_in_turn_as_if_all_had_been_asked(name: str, link: str, monke
         certifier = Certifier(Setup.of(aimed(scene, *targets)))
         goals = goal_choice(certifier, seed, 3).goals
         ranks = [sum(one.field == goal.field for one in goals[:i]) for i, goal in enumerate(goals)]
-        asked.clear()
+        calls.clear()
         in_turn = goals_in_turn(certifier, seed, 3)
-        first, before = next(in_turn), len(asked)
+        first, before = next(in_turn), len(calls)
         assert before < len(targets)
         assert [first, *in_turn] == [goals[i] for i in np.argsort(ranks, kind="stable")]
     far = Pose((9.0, 0.0, 0.0))

@@ -94,10 +94,10 @@ def test_rounds_make_it_no_worse_by_its_own_measure(grasp: Scene, objective: str
 
 @pytest.mark.parametrize(("scene", "objective"), [("panda_cage", "smoothness"), ("ur5_pallet", "time")])
 def test_the_default_is_time_where_it_is_free_and_smoothness_elsewhere(scene: str, objective: str) -> None:
-    default, said = (plan(asking(load_scene(scene), each, polish=2)) for each in (None, objective))
-    assert default.objective == said.objective
+    default, stated = (plan(asking(load_scene(scene), each, polish=2)) for each in (None, objective))
+    assert default.objective == stated.objective
     assert default.objective.name == objective
-    assert default.trajectory.positions.tobytes() == said.trajectory.positions.tobytes()
+    assert default.trajectory.positions.tobytes() == stated.trajectory.positions.tobytes()
 
 
 def test_with_a_fixed_duration_motions_differ_in_smoothness() -> None:

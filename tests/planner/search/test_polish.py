@@ -94,7 +94,7 @@ def test_a_motion_around_an_obstacle_gets_closer_and_shorter() -> None:
     assert lengths[1] < lengths[0]
 
 
-def test_what_is_asked_for_is_kept() -> None:
+def test_what_is_required_is_kept() -> None:
     """Closer, but never closer than the scene allows."""
     scene = load_scene("panda_cage")
     scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, clearance=0.005, polish=ROUNDS))

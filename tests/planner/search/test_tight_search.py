@@ -87,7 +87,7 @@ def test_what_fails_by_something_else_goes_on_as_it_was(status: Status, monkeypa
 
 
 @pytest.mark.parametrize("settings", [{"distance": "fcl"}, {"swept": True}])
-def test_another_distance_that_was_asked_for_stays(settings: dict[str, Any]) -> None:
+def test_another_distance_that_was_requested_stays(settings: dict[str, Any]) -> None:
     scene = load_scene("planar_arm")
     problem = build(dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, **settings)))
     assert exactly(problem) is problem

@@ -96,15 +96,15 @@ def test_a_straight_motion_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_the_straight_line_has_one_second_opinion(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, steps = [], chomp.solve
+    calls, steps = [], chomp.solve
 
     def counted(*given: Any) -> Solution:
-        asked.append(given)
+        calls.append(given)
         return steps(*given)
 
     monkeypatch.setattr(chomp, "solve", counted)
     assert plan(load_scene("panda_corridor")).certified
-    assert len(asked) == 1
+    assert len(calls) == 1
 
 
 def test_an_interrupt_within_them_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,19 +49,19 @@ def test_what_the_trees_find_is_certified_as_it_is(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_no_line_that_is_said_to_be_free_touches_anything(name: str) -> None:
+def test_no_line_that_counts_as_free_touches_anything(name: str) -> None:
     """At dense samples of random lines, by the certificate's own oracle; and some are free, and some are not."""
     problem, rng = exact(name), np.random.default_rng(5)
     space, certifier = space_of(problem), Certifier(problem.setup)
-    said = []
+    answers = []
     for _ in range(60):
         first, last = problem.robot.draw(rng, 2)
         last = first + rng.uniform(0.05, 1.0) * (last - first)
-        said.append(is_free(space, first, last))
-        if said[-1]:
+        answers.append(is_free(space, first, last))
+        if answers[-1]:
             for t in np.linspace(0.0, 1.0, 12):
                 assert not certifier.contacts(first + t * (last - first), 0.0)
-    assert 0 < sum(said) < len(said)
+    assert 0 < sum(answers) < len(answers)
 
 
 def test_a_line_back_is_as_free_and_a_point_is_a_line() -> None:

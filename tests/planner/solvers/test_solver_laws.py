@@ -551,7 +551,7 @@ print(result.attempts, result.iterations, result.certificate.text, [step for ste
 
 def test_the_same_seed_gives_the_same_bytes_in_another_process() -> None:
     """Many guesses at a problem without a solution, ended after a fixed number of steps, not by the clock."""
-    said = [
+    messages = [
         subprocess.run(
             [sys.executable, "-c", BETWEEN_WALLS],
             env={**os.environ, "PYTHONHASHSEED": hash_seed},
@@ -562,8 +562,8 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process() -> None:
         ).stdout
         for hash_seed in ("1", "2")
     ]
-    assert said[0] == said[1]
-    assert int(said[0].split()[1]) > 1, "random guesses were among them"
+    assert messages[0] == messages[1]
+    assert int(messages[0].split()[1]) > 1, "random guesses were among them"
 
 
 def test_what_was_planned_before_leaves_no_trace() -> None:

@@ -181,7 +181,7 @@ def test_a_deadline_in_the_past_takes_no_step(problem: Problem, solver: str) -> 
 
 
 @every_solver
-def test_no_iterations_left_is_said(problem: Problem, solver: str) -> None:
+def test_no_iterations_left_is_reported(problem: Problem, solver: str) -> None:
     assert run(problem, solver, iterations=1).status is SolverStatus.ITERATIONS
 
 

@@ -89,7 +89,7 @@ def test_files_hold_the_whole_study(measured: Study, tmp_path: Path) -> None:
     assert float(cuts[-1]["median_ratio"]) == pytest.approx(0.6 / PIECES[-1])
 
 
-def test_interrupted_unions_are_written_and_said(
+def test_interrupted_unions_are_written_and_reported(
     measured: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cutting, "study_unions", lambda **_: list(made_up_cuts())[:3])

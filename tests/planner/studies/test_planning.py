@@ -179,10 +179,10 @@ def test_three_files_hold_the_whole_study(measured: Callable[[Runs], None], tmp_
         rows = list(csv.DictReader(file))
     assert len(rows) == len(found.runs)
     assert [row["setting"] for row in rows[:3]] == ["defaults"] * 3
-    told = report.files[1].read_text(encoding="utf-8")
-    assert told.count("\n| ") == len(variants(VALUES)) + 2 + len(by_guesses(found.of(Variant()))) + 2
-    assert "left out" in told
-    assert "ipopt 2 of 3" in told, "who certifies fewer is named"
+    text = report.files[1].read_text(encoding="utf-8")
+    assert text.count("\n| ") == len(variants(VALUES)) + 2 + len(by_guesses(found.of(Variant()))) + 2
+    assert "left out" in text
+    assert "ipopt 2 of 3" in text, "who certifies fewer is named"
     assert report.files[2].read_bytes().startswith(b"\x89PNG")
 
 
@@ -203,7 +203,7 @@ def test_the_defaults_alone_are_drawn_too(measured: Callable[[Runs], None], tmp_
     assert study_planning(tmp_path, [], False, nothing, nothing).files[2].stat().st_size > 10_000
 
 
-def test_nothing_to_plan_is_said(measured: Callable[[Runs], None], tmp_path: Path) -> None:
+def test_nothing_to_plan_is_reported(measured: Callable[[Runs], None], tmp_path: Path) -> None:
     measured(Runs((), (), ("a.yaml: start: in collision",), complete=True))
     with pytest.raises(InputError, match=r"no scene can be planned: a\.yaml"):
         study_planning(tmp_path, [], False, nothing, nothing)

@@ -202,7 +202,7 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: py
 
 
 @pytest.mark.parametrize(
-    ("target", "said"),
+    ("target", "message"),
     [
         ("full", "exists already"),
         ("full/file", "exists already"),
@@ -210,11 +210,11 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: py
         ("link", "exists already"),
     ],
 )
-def test_a_folder_that_cannot_be_written_is_refused_before_the_work(target: str, said: str, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(target: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "file").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
-    with pytest.raises(hdplan.InputError, match=said) as caught:
+    with pytest.raises(hdplan.InputError, match=message) as caught:
         run_codegen("no such scene", None, None, output=tmp_path / target, as_json=False)
     assert "\n" not in str(caught.value)
     assert (tmp_path / "full" / "file").read_text() == "mine"

@@ -49,14 +49,14 @@ def links_of(robot: Robot) -> list[str]:
     return [str(frame.name) for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
 
 
-def agrees(robot: Robot, asked: Robot | hdplan.Scene, payload: hdplan.Payload | None, seed: int = 0) -> None:
+def agrees(robot: Robot, source: Robot | hdplan.Scene, payload: hdplan.Payload | None, seed: int = 0) -> None:
     """Pose of some links, torques and mass matrix are those of Pinocchio's model with the loads."""
     rng = np.random.default_rng(seed)
     links, q = links_of(robot), robot.draw(rng, 4)
     chosen = [*rng.choice(links, min(4, len(links)), replace=False).tolist(), *(held.name for held in robot.attached)]
     data = robot.model.createData()
     for link in chosen:
-        pose = symbolic.kinematics(asked, link)
+        pose = symbolic.kinematics(source, link)
         held = next((each for each in robot.attached if each.name == link), None)
         frame = robot.model.getFrameId(link if held is None else held.link, pin.FrameType.BODY)
         for each in q:
@@ -65,7 +65,7 @@ def agrees(robot: Robot, asked: Robot | hdplan.Scene, payload: hdplan.Payload | 
             np.testing.assert_allclose(full(pose(each)), expected, rtol=0, atol=EXACT)
     model = carrying(robot, payload, robot.attached, "this")
     data, spread = model.createData(), np.eye(robot.n) if robot.linkage is None else robot.linkage.matrix
-    function = symbolic.dynamics(asked)
+    function = symbolic.dynamics(source)
     for each in q:
         v, a = rng.normal(0, 2, robot.n), rng.normal(0, 8, robot.n)
         tau, mass = map(full, function(each, v, a))
@@ -323,7 +323,7 @@ def test_mistakes_are_one_line_that_names_them(made: hdplan.Scene, tmp_path: Pat
     exact = dataclasses.replace(made, planner=dataclasses.replace(made.planner, distance="fcl"))
     without = tmp_path / "light.urdf"
     without.write_text(linkage_urdf(tmp_path).read_text())
-    for call, said in (
+    for call, message in (
         (
             lambda: symbolic.kinematics(robot, "panda_hamd"),
             "link: unknown link 'panda_hamd' .did you mean 'panda_hand'",
@@ -339,6 +339,6 @@ def test_mistakes_are_one_line_that_names_them(made: hdplan.Scene, tmp_path: Pat
         (lambda: symbolic.clearance(made, activated=1), "activated: must be of the class bool"),
         (lambda: symbolic.clearance(exact), "planner.distance: must be hdsdf"),
     ):
-        with pytest.raises(hdplan.InputError, match=said) as caught:
+        with pytest.raises(hdplan.InputError, match=message) as caught:
             call()
         assert "\n" not in str(caught.value)

@@ -25,10 +25,10 @@ def long_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(console, "LONG_WAIT", 0.0)
 
 
-def lines_with(said: Callable[[], str], words: str) -> list[str]:
+def lines_with(printed: Callable[[], str], words: str) -> list[str]:
     """The lines that are there as soon as these words are."""
-    until(lambda: words in said(), words)
-    return said().splitlines()
+    until(lambda: words in printed(), words)
+    return printed().splitlines()
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def test_a_quick_command_says_nothing(errors: io.StringIO) -> None:
 
 
 @pytest.mark.usefixtures("long_at_once")
-def test_nothing_is_said_where_nothing_is_to_be_shown(errors: io.StringIO) -> None:
+def test_nothing_is_reported_where_nothing_is_to_be_shown(errors: io.StringIO) -> None:
     threads = threading.active_count()
     with console.waiting("following", shown=False) as steps:
         steps.begin("drawing")

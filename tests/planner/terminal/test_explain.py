@@ -41,10 +41,10 @@ def planar() -> Problem:
 
 
 def test_sections_in_reading_order_as_plain_text(planar: Problem) -> None:
-    said = explain(planar)
-    assert list(said) == SECTIONS
-    assert all(isinstance(name, str) and isinstance(value, str) for part in said.values() for name, value in part)
-    assert json.loads(json.dumps(said))
+    rows_ = explain(planar)
+    assert list(rows_) == SECTIONS
+    assert all(isinstance(name, str) and isinstance(value, str) for part in rows_.values() for name, value in part)
+    assert json.loads(json.dumps(rows_))
 
 
 @pytest.mark.parametrize(
@@ -120,21 +120,21 @@ def test_every_effect_has_its_line(tmp_path: Path) -> None:
 def test_pairs_excluded_and_why_add_up() -> None:
     for name in ("panda_carry", "ur5_table", "kinova_shelf"):
         problem = build(load_scene(name))
-        said = rows(problem, "pairs")
-        links = next(value for key, value in said.items() if key.startswith("links"))
-        checked, total, told = re.fullmatch(r"(\d+) of (\d+) pairs checked; excluded: (.*)", links).groups()
+        found = rows(problem, "pairs")
+        links = next(value for key, value in found.items() if key.startswith("links"))
+        checked, total, reasons = re.fullmatch(r"(\d+) of (\d+) pairs checked; excluded: (.*)", links).groups()
         assert int(checked) == len(problem.robot.self_pairs)
-        assert int(checked) + sum(int(part.split()[0]) for part in told.split(", ")) == int(total)
+        assert int(checked) + sum(int(part.split()[0]) for part in reasons.split(", ")) == int(total)
         own = problem.terms.self_collision
-        assert said["bodies of links"].startswith(f"{len(own.pairs)} of {len(own.pairs) + len(problem.apart)} pairs")
-        assert ("proven" in said["bodies of links"]) == bool(problem.apart)
+        assert found["bodies of links"].startswith(f"{len(own.pairs)} of {len(own.pairs) + len(problem.apart)} pairs")
+        assert ("proven" in found["bodies of links"]) == bool(problem.apart)
 
 
 def test_the_trial_is_shared_out_and_marked_as_measured(planar: Problem) -> None:
-    said = rows(planar, "trial evaluation")
-    assert next(iter(said)) == "measured"
+    found = rows(planar, "trial evaluation")
+    assert next(iter(found)) == "measured"
     shares = [
-        re.findall(r"(\d+) %", row) for name, row in said.items() if name not in ("measured", "all, with derivatives")
+        re.findall(r"(\d+) %", row) for name, row in found.items() if name not in ("measured", "all, with derivatives")
     ]
     assert sum(int(row[0]) for row in shares) == pytest.approx(100, abs=len(shares))
     assert sum(int(row[1]) for row in shares if len(row) > 1) == pytest.approx(100, abs=len(shares))
@@ -171,10 +171,10 @@ def test_pairs_kept_and_pruned_add_up() -> None:
 
 def test_link_pairs_left_to_the_certificate_are_named() -> None:
     problem = build(load_scene("ur5_table"))
-    said = rows(problem, "pairs")
-    assert ("left to the certificate" in said) == bool(problem.unresolved)
+    found = rows(problem, "pairs")
+    assert ("left to the certificate" in found) == bool(problem.unresolved)
     for a, b in problem.unresolved:
-        assert f"{a}-{b}" in said["left to the certificate"]
+        assert f"{a}-{b}" in found["left to the certificate"]
 
 
 def test_size_counts_the_unknowns(planar: Problem) -> None:
@@ -189,19 +189,19 @@ def test_size_counts_the_unknowns(planar: Problem) -> None:
 def test_every_setting_is_shown_with_its_origin() -> None:
     scene = arm()
     scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, waypoints=12, clearance=0.01))
-    said = rows(build(scene), "settings")
-    assert list(said) == [field.name for field in dataclasses.fields(PlannerSettings)]
-    assert said["waypoints"] == "12 (scene)"
-    assert said["clearance"] == "0.01 m (scene)"
-    assert said["gamma"] == "2 (default)"
+    found = rows(build(scene), "settings")
+    assert list(found) == [field.name for field in dataclasses.fields(PlannerSettings)]
+    assert found["waypoints"] == "12 (scene)"
+    assert found["clearance"] == "0.01 m (scene)"
+    assert found["gamma"] == "2 (default)"
 
 
 def test_scene_says_which_robot_and_which_ends() -> None:
     problem = build(load_scene("empty"))
-    said = rows(problem, "scene")
-    assert said["file"].endswith("empty.yaml")
-    assert said["robot"] == "panda, 7 joints planned, 2 held"
-    assert said["held"] == "panda_finger_joint1 = 0.04, panda_finger_joint2 = 0.04"
+    found = rows(problem, "scene")
+    assert found["file"].endswith("empty.yaml")
+    assert found["robot"] == "panda, 7 joints planned, 2 held"
+    assert found["held"] == "panda_finger_joint1 = 0.04, panda_finger_joint2 = 0.04"
     joints = rows(problem, "joints")
     for value, start, goal in zip(joints.values(), problem.start, problem.goal, strict=True):
         first, last = value.split(" limits")[0].split("→")

@@ -197,9 +197,9 @@ def test_all_is_as_before_afterwards() -> None:
     assert (INTERRUPTED, TERMINATED) == (128 + signal.SIGINT, 128 + signal.SIGTERM)
 
 
-def test_what_is_ignored_stays_so_and_other_errors_in_destructors_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[type[BaseException]] = []
-    monkeypatch.setattr(sys, "unraisablehook", lambda lost: told.append(lost.exc_type))
+def test_what_is_ignored_stays_so_and_other_errors_in_destructors_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors: list[type[BaseException]] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda lost: errors.append(lost.exc_type))
 
     class Broken:
         def __del__(self) -> None:
@@ -210,4 +210,4 @@ def test_what_is_ignored_stays_so_and_other_errors_in_destructors_are_told(monke
         signal.raise_signal(signal.SIGINT)
         Broken()
         assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)  # nothing will be raised again
-    assert told == [ZeroDivisionError]
+    assert errors == [ZeroDivisionError]

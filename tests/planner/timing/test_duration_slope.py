@@ -69,7 +69,7 @@ def test_so_is_that_with_torques() -> None:
     assert bound >= 5  # else the law says nothing of torques
 
 
-def test_gravity_alone_that_is_too_much_is_said() -> None:
+def test_gravity_alone_that_is_too_much_is_reported() -> None:
     setup, torques = carrying(20.0)
     outstretched = np.linspace([0.0, 1.5, 0.0, -0.1, 0.0, 1.6, 0.0], [0.5, 1.5, 0.0, -0.1, 0.0, 1.6, 0.5], 16)
     with pytest.raises(HdplanError, match="gravity alone"):

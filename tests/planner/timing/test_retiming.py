@@ -235,7 +235,7 @@ def test_a_double_s_is_met_but_for_a_few_thousandths(rate: float) -> None:
 # --- the check ----------------------------------------------------------------------------------------------------
 
 
-def test_a_limit_that_breaks_only_between_the_rows_is_told() -> None:
+def test_a_limit_that_breaks_only_between_the_rows_is_reported() -> None:
     """At every row the velocity is 0: samples at the rows would find nothing."""
     scene, robot = limited(Limits(velocity=1.0, acceleration=1e3))
     rows = np.zeros((3, robot.n))

@@ -143,7 +143,7 @@ def test_terms_that_are_not_in_it_are_refused_by_name() -> None:
         for kind, each in (("cost", lambda q, step: q[0] ** 2), ("penalty", lambda q, step: q[:1] ** 2))
     }
     held = planar.with_term(hdplan.OwnTerm("held", lambda q, step: step[0], "constraint", -1.0, 1.0))
-    for asked, said in (
+    for arguments, message in (
         (own["cost"], "the term 'of cost' is not written in JAX"),
         (own["penalty"], "the term 'of penalty' is not written in JAX"),
         (held, "the term 'held' is not written in JAX"),
@@ -152,6 +152,6 @@ def test_terms_that_are_not_in_it_are_refused_by_name() -> None:
         (hdplan.build(swept), "the term 'obstacles' is not written in JAX"),
         ("problem", "problem: must be of the class Problem"),
     ):
-        with pytest.raises(hdplan.InputError, match=said) as caught:
-            symbolic.jax_cost(asked)
+        with pytest.raises(hdplan.InputError, match=message) as caught:
+            symbolic.jax_cost(arguments)
         assert "\n" not in str(caught.value)

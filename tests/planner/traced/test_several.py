@@ -162,7 +162,7 @@ def test_what_does_not_fit_is_refused_in_one_line() -> None:
         "waypoints": dict(waypoints=7),
         "planner.gamma": dict(gamma=3),
     }
-    asked: list[tuple[Any, str]] = [
+    cases: list[tuple[Any, str]] = [
         ([], "problem: found an empty list"),
         ([plain, "problem"], r"problem\[1\]: must be of the class Problem"),
         (
@@ -173,13 +173,13 @@ def test_what_does_not_fit_is_refused_in_one_line() -> None:
     for what, change in others.items():
         settings = dataclasses.replace(plain.scene.planner, **change)
         built = hdplan.build(dataclasses.replace(plain.scene, planner=settings))
-        asked.append(([plain, built], rf"problem\[1\]: has other {what} than problem\[0\]: \d, not \d"))
-    for given, said in asked:
-        with pytest.raises(hdplan.InputError, match=said) as caught:
+        cases.append(([plain, built], rf"problem\[1\]: has other {what} than problem\[0\]: \d, not \d"))
+    for given, message in cases:
+        with pytest.raises(hdplan.InputError, match=message) as caught:
             symbolic.jax_cost(given)
         assert "\n" not in str(caught.value)
     x = drawn()
-    for call, said in (
+    for call, message in (
         (
             lambda: cost()(x[:, :3], 1.0),
             r"positions: found an array of shape \(2, 3, 6, 2\), allowed is \(..., 4, 6, 2\)",
@@ -194,6 +194,6 @@ def test_what_does_not_fit_is_refused_in_one_line() -> None:
         (lambda: cost()(x, np.ones((1, 2, 4))), "weight: found an array of shape"),
         (lambda: cost()(x, None), "weight: not an array of numbers"),
     ):
-        with pytest.raises(hdplan.InputError, match=said) as caught:
+        with pytest.raises(hdplan.InputError, match=message) as caught:
             call()
         assert "\n" not in str(caught.value)

@@ -134,11 +134,11 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
         assert page.get_by_text("certified: at least").count() == 0
         with page.expect_download() as download:
             press(page, "Save motion")
-        said = json.loads(Path(download.value.path()).read_text(encoding="utf-8"))["verdict"]
+        verdict = json.loads(Path(download.value.path()).read_text(encoding="utf-8"))["verdict"]
         viewer.worker.settle(20)
         certificate = viewer.certifier.certify(viewer.motions.active.motion.trajectory)
         assert not certificate.certified
-        assert said["text"] == certificate.text
+        assert verdict["text"] == certificate.text
         page.mouse.up()
         page.get_by_text("in contact in this scene").first.wait_for()
     finally:

@@ -65,9 +65,9 @@ def test_a_box_hides_what_the_way_to_it_crosses(seed: int) -> None:
         local = (walked - pose[:3, 3]) @ pose[:3, :3]
         inside = np.all((local >= low) & (local <= high), axis=2)
         crossed = inside.any(axis=0) & ~inside[-1]
-        said = boxes.hide(eye, points)[:, index]
+        hidden = boxes.hide(eye, points)[:, index]
         grazes = inside.sum(axis=0) <= 2  # shorter than a step: either is right
-        assert np.all((said == crossed) | grazes)
+        assert np.all((hidden == crossed) | grazes)
         corners = np.array(np.meshgrid(*np.transpose([low, high]))).reshape(3, 8).T @ pose[:3, :3].T + pose[:3, 3]
         np.testing.assert_allclose(boxes.lowest()[index], corners[:, 2].min())
 

@@ -35,7 +35,7 @@ def without(*missing: str) -> Callable[..., Any]:
     return lambda name, *rest: None if name in missing else found(name, *rest)
 
 
-def test_a_missing_viser_is_said_in_one_line(
+def test_a_missing_viser_is_reported_in_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", without("viser"))
@@ -44,7 +44,7 @@ def test_a_missing_viser_is_said_in_one_line(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     {
         "port": (["planar_arm", "--port", "70000"], "1 to 65535"),
         "host": (["planar_arm", "--host", "192.0.2.1"], "no address of this machine"),
@@ -61,7 +61,7 @@ def test_a_missing_viser_is_said_in_one_line(
 )
 def test_bad_input_is_one_line(
     arguments: list[str],
-    said: str,
+    message: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -69,7 +69,7 @@ def test_bad_input_is_one_line(
     monkeypatch.chdir(tmp_path)
     assert run(monkeypatch, *arguments) == 2
     errors = capsys.readouterr().err.strip()
-    assert said in errors
+    assert message in errors
     assert "\n" not in errors
 
 
@@ -83,9 +83,9 @@ def test_a_page_and_a_film_are_written_without_viser(
     monkeypatch.setattr("hdplan.planner.page.film.RATES", {".gif": 1})
     monkeypatch.setattr("hdplan.planner.page.film.SIZE", (320, 180))
     assert run(monkeypatch, "planar_arm", tmp_path / "motion.json", "--record", page, "--video", film) == 0
-    said = "".join(capsys.readouterr().out.split())  # long names may be broken over lines
-    assert f"written{page}" in said
-    assert f"written{film},drawnbymatplotlib,asthereisnoChromiumorChrome" in said
+    printed = "".join(capsys.readouterr().out.split())  # long names may be broken over lines
+    assert f"written{page}" in printed
+    assert f"written{film},drawnbymatplotlib,asthereisnoChromiumorChrome" in printed
     assert page.read_bytes().startswith(b"<!doctype html>")
     assert film.read_bytes().startswith(b"GIF89a")
 
@@ -107,7 +107,7 @@ def test_a_film_that_is_interrupted_is_no_film(
 
 @pytest.mark.usefixtures("ctrl_c_is_heard")
 @pytest.mark.skipif(sys.platform == "win32", reason="no Ctrl-C for a child there")
-def test_ctrl_c_ends_it_and_a_taken_port_is_said() -> None:
+def test_ctrl_c_ends_it_and_a_taken_port_is_reported() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         command = [sys.executable, "-m", "hdplan.cli", "view", "planar_arm", "--port", str(port)]
@@ -136,7 +136,7 @@ def test_a_proof_of_another_motion_is_refused(
     trajectory.save(motion)
     other.write_text(motion.read_text().replace("0.", "0.0", 1))
     hdplan.prove("planar_arm", motion).save(proof)
-    for arguments, said in (
+    for arguments, message in (
         (["planar_arm", other, "--proof", proof], "not the file that was proven"),
         (["planar_arm", motion, "--proof", tmp_path / "none.proof"], "no such file"),
         (["planar_arm", motion, "--proof", motion], "not a proof"),
@@ -146,7 +146,7 @@ def test_a_proof_of_another_motion_is_refused(
     ):
         assert run(monkeypatch, *arguments) == 2
         errors = capsys.readouterr().err.replace(LOADING, "").strip()
-        assert said in errors
+        assert message in errors
         assert "\n" not in errors
 
 
@@ -172,8 +172,8 @@ print(*sys.modules)
 
 def test_address_and_first_picture_wait_for_nothing_that_they_do_not_need() -> None:
     """The address is known, and a browser can load its part, before what plans is loaded and anything is drawn."""
-    said = subprocess.run([sys.executable, "-c", FIRST], capture_output=True, text=True, check=True).stdout
-    found, shown = (line.split() for line in said.splitlines())
+    done = subprocess.run([sys.executable, "-c", FIRST], capture_output=True, text=True, check=True).stdout
+    found, shown = (line.split() for line in done.splitlines())
     assert "viser" in found
     assert not [name for name in found if name.startswith(LATER)]
     assert not [name for name in shown if name.startswith(HEAVY)]

@@ -24,22 +24,22 @@ class Hall:
     """Who is told, and may fail."""
 
     def __init__(self) -> None:
-        self.told: list[str] = []
+        self.calls: list[str] = []
         self.fails = False
 
     def scene_changed(self, before: Scene) -> None:
-        self.told.append("scene")
+        self.calls.append("scene")
         if self.fails:
             raise ZeroDivisionError
 
     def motions_changed(self) -> None:
-        self.told.append("motions")
+        self.calls.append("motions")
 
     def doubted(self) -> None:
-        self.told.append("doubted")
+        self.calls.append("doubted")
 
     def left(self) -> None:
-        self.told.append("left")
+        self.calls.append("left")
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def hall() -> Hall:
 def document(scene: Scene, trajectory: Trajectory, hall: Hall) -> Document:
     document = Document(Edited.of(Setup.of(scene)), hall)
     document.put("planned", trajectory)
-    hall.told.clear()
+    hall.calls.clear()
     return document
 
 
@@ -146,7 +146,7 @@ def test_earlier_scenes_keep_no_certifiers(document: Document) -> None:
     assert_true(document)
 
 
-def test_what_leaves_the_active_motion_is_told(document: Document, hall: Hall, trajectory: Trajectory) -> None:
+def test_what_leaves_the_active_motion_is_reported(document: Document, hall: Hall, trajectory: Trajectory) -> None:
     """Before anything is shown of it: what is planned from the old one would take its place."""
     acts: list[Callable[[], object]] = [
         lambda: document.put("another", trajectory),
@@ -157,17 +157,17 @@ def test_what_leaves_the_active_motion_is_told(document: Document, hall: Hall, t
         document.reset,
     ]
     for act in acts:
-        hall.told.clear()
+        hall.calls.clear()
         act()
-        assert hall.told[0] == "left"
-        assert hall.told[-1] == "motions" or act == document.reset
+        assert hall.calls[0] == "left"
+        assert hall.calls[-1] == "motions" or act == document.reset
 
 
 def test_of_a_scene_that_could_not_be_shown_nothing_is_known(document: Document, hall: Hall) -> None:
     hall.fails = True
     with pytest.raises(ZeroDivisionError):
         document.change(moved(0.001)(document.edited), check=True)
-    assert hall.told == ["scene", "doubted"]
+    assert hall.calls == ["scene", "doubted"]
     assert not document.holds(document.motions.shown[0])
     hall.fails = False
     document.measure()
@@ -182,6 +182,6 @@ def test_what_is_refused_changes_nothing(document: Document, hall: Hall) -> None
     with pytest.raises(HdplanError, match="1 to 40 characters"):
         document.rename(document.motions.shown[0], " ")
     assert document.edited is before
-    assert hall.told == []
+    assert hall.calls == []
     document.undo()  # of what came before: nothing was added
     assert not document.motions.shown

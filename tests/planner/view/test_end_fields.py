@@ -48,7 +48,7 @@ def test_what_is_typed_holds_and_is_undone(opened: Opener, name: str, thing: Thi
     before, first = viewer.edited, place(viewer, thing)
     typed(viewer, "turned [°]", tuple(np.add(scene_edits.turn_of(first), (0.0, 5.0, 0.0))))
     turned = place(viewer, thing)
-    assert "not done" not in viewer.panel.editing.said
+    assert "not done" not in viewer.panel.editing.text
     assert turned.quaternion_xyzw != first.quaternion_xyzw
     np.testing.assert_allclose(turned.position, first.position, atol=1e-3)
     x, y, z = turned.position
@@ -74,13 +74,13 @@ def test_what_the_tip_cannot_reach_is_refused(opened: Opener) -> None:
     before = viewer.edited
     typed(viewer, "at [m]", (5.0, 0.0, 0.0))
     assert viewer.edited is before
-    assert "from this posture the tip stays" in viewer.panel.editing.said
+    assert "from this posture the tip stays" in viewer.panel.editing.text
     typed(viewer, "x y z w", "0 0 0 zero")
-    assert "must be a number" in viewer.panel.editing.said
+    assert "must be a number" in viewer.panel.editing.text
     typed(viewer, "x y z w", "0 0 0 0")
-    assert "not all 0" in viewer.panel.editing.said
+    assert "not all 0" in viewer.panel.editing.text
     assert viewer.edited is before
     by_worker(viewer, lambda: viewer.panel.handles.select(None))
     viewer.panel.editing.do(viewer.panel.ends.snap)
     assert viewer.worker.settle(20)
-    assert "neither start nor goal" in viewer.panel.editing.said
+    assert "neither start nor goal" in viewer.panel.editing.text

@@ -39,34 +39,34 @@ class Browser:
         self.files[name] = data
 
 
-def asked(viewer: Viewer, what: str) -> Browser:
+def download(viewer: Viewer, what: str) -> Browser:
     browser = Browser()
     by_worker(viewer, lambda: viewer.panel.exports._begin(what, browser))
     return browser
 
 
-def said(viewer: Viewer) -> str:
-    return str(viewer.panel.saving._said.content)
+def status(viewer: Viewer) -> str:
+    return str(viewer.panel.saving._text.content)
 
 
-def test_all_of_it_is_of_the_scene_when_it_was_asked_for(
+def test_all_of_it_is_of_the_scene_at_the_request(
     opened: Opener, scene: Scene, trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The ball goes into the motion while it is being made: what was asked for comes, and no verdict is said of what is
     shown by then."""
     viewer, go_on, made = opened(scene, found=trajectory), threading.Event(), archive
     monkeypatch.setattr("hdplan.planner.page.archive.archive", lambda *given: (go_on.wait(60), made(*given))[1])
-    browser = asked(viewer, exports.ARCHIVE)
-    assert "being made" in said(viewer)
-    asked(viewer, "page")
-    assert "another file" in said(viewer)
+    browser = download(viewer, exports.ARCHIVE)
+    assert "being made" in status(viewer)
+    download(viewer, "page")
+    assert "another file" in status(viewer)
     before = viewer.scene
     by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
     assert viewer.scene is not before
     go_on.set()
     until(lambda: bool(browser.files), "nothing comes")
-    until(lambda: "done, from the scene" in said(viewer), "it is not said")
-    assert "certified" not in said(viewer)
+    until(lambda: "done, from the scene" in status(viewer), "it is not said")
+    assert "certified" not in status(viewer)
     with zipfile.ZipFile(io.BytesIO(browser.files["planar_arm.zip"])) as read:
         read.extractall(tmp_path)
     files = [tmp_path / "planar_arm" / name for name in ("planar_arm.yaml", "motion.json", "motion.proof")]
@@ -76,13 +76,13 @@ def test_all_of_it_is_of_the_scene_when_it_was_asked_for(
 
 def test_what_is_not_certified_is_not_saved(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
     viewer = opened(scene)
-    asked(viewer, exports.ARCHIVE)
-    assert "not saved: there is no motion yet" in said(viewer)
+    download(viewer, exports.ARCHIVE)
+    assert "not saved: there is no motion yet" in status(viewer)
     by_worker(viewer, lambda: viewer.document.put("half", trajectory.between(0, 5)))
-    browser = asked(viewer, exports.ARCHIVE)
-    until(lambda: "not saved: " in said(viewer) and "being made" not in said(viewer), "it is not said")
+    browser = download(viewer, exports.ARCHIVE)
+    until(lambda: "not saved: " in status(viewer) and "being made" not in status(viewer), "it is not said")
     assert not browser.files
-    page = asked(viewer, "page")  # which says so itself
+    page = download(viewer, "page")  # which says so itself
     until(lambda: bool(page.files), "no page comes")
     assert b'"certified":false' in page.files["planar_arm.html"]
 
@@ -91,8 +91,8 @@ def test_a_browser_that_is_gone_ends_nothing(opened: Opener, scene: Scene, traje
     viewer = opened(scene, found=trajectory)
     gone: Any = SimpleNamespace(client_id=7, camera=SimpleNamespace(image_width=400, image_height=300))
     by_worker(viewer, lambda: viewer.panel.exports._begin("picture", gone))
-    until(lambda: "not saved: AttributeError" in said(viewer), "it is not said")
-    by_worker(viewer, lambda: viewer.panel.exports._asked_for("no such thing", gone))
+    until(lambda: "not saved: AttributeError" in status(viewer), "it is not said")
+    by_worker(viewer, lambda: viewer.panel.exports._download("no such thing", gone))
 
 
 @pytest.mark.slow
@@ -106,7 +106,7 @@ def test_files_come_by_mouse(tab: Tabs, served: Viewer, tmp_path: Path) -> None:
             press(page, button)
         assert download.value.suggested_filename == name
         download.value.save_as(tmp_path / name)
-        until(lambda: "saved: " in said(served), "it is not said")
+        until(lambda: "saved: " in status(served), "it is not said")
     zipfile.ZipFile(tmp_path / "planar_arm.zip").extractall(tmp_path)
     files = [tmp_path / "planar_arm" / name for name in ("planar_arm.yaml", "motion.json", "motion.proof")]
     assert verify(*files).whole

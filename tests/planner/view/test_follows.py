@@ -67,7 +67,7 @@ def test_a_proof_says_nothing_of_a_report(viewer: Viewer) -> None:
     viewer.state([0.3, -0.7])
     assert viewer.worker.settle(20)
     assert not viewer.panel.layers.plane.slab.visible
-    assert "proven" not in viewer.panel.layers.plane.said
+    assert "proven" not in viewer.panel.layers.plane.text
 
 
 def test_a_report_grows_old(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,7 +79,7 @@ def test_a_report_grows_old(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize(
-    ("q", "said"),
+    ("q", "message"),
     [
         ([0.1], r"^state: shape \(1,\), must be \(2,\), for shoulder, elbow"),
         ([[0.1, 0.2]], r"^state: shape"),
@@ -89,8 +89,8 @@ def test_a_report_grows_old(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> 
         ({"elbow": 0.1, "shoulder": "x"}, "^state: must be 2 numbers"),
     ],
 )
-def test_reports_that_are_none_are_refused(viewer: Viewer, q: Any, said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_reports_that_are_none_are_refused(viewer: Viewer, q: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         viewer.state(q)
     assert viewer.reported.newest is None
 

@@ -97,8 +97,8 @@ def here(viewer: Viewer) -> str:
 
 def renaming(viewer: Viewer, value: str = "mine") -> dict[str, Any]:
     """What a page sends where somebody renames the first motion."""
-    told = json.dumps({"do": "rename", "motion": viewer.motions.shown[0].number, "answer": value})
-    return {"type": "GuiUpdateMessage", "uuid": viewer.gate.page_field, "updates": {"value": told}}
+    message = json.dumps({"do": "rename", "motion": viewer.motions.shown[0].number, "answer": value})
+    return {"type": "GuiUpdateMessage", "uuid": viewer.gate.page_field, "updates": {"value": message}}
 
 
 def test_the_address_lets_in_and_no_other(viewer: Viewer) -> None:
@@ -168,14 +168,14 @@ def test_who_watches_sees_everything_and_changes_nothing(viewer: Viewer) -> None
     with opened(viewer, viewer.gate.paths[True]) as page:
         assert len(page.recv(timeout=PATIENCE)) > 1000
         comes_in(viewer, page)
-        told = json.dumps({"do": "theme", "dark": True})
+        message = json.dumps({"do": "theme", "dark": True})
         field = {"type": "GuiUpdateMessage", "uuid": viewer.gate.page_field}
         send(
             page,
             renaming(viewer, "stolen"),
             {"type": "GuiUpdateMessage", "uuid": slider, "updates": {"value": 0.5}},
-            {"type": "GuiUpdateMessage", "uuid": slider, "updates": {"value": told}},
-            {**field, "updates": {"value": told, "visible": True}},
+            {"type": "GuiUpdateMessage", "uuid": slider, "updates": {"value": message}},
+            {**field, "updates": {"value": message, "visible": True}},
             {**field, "updates": {"value": "[" * 10000}},
             {"type": "SceneNodeClickMessage", "name": "/obstacles/1/mesh", "instance_index": None},
             {
@@ -187,11 +187,11 @@ def test_who_watches_sees_everything_and_changes_nothing(viewer: Viewer) -> None
             *({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": True}} for uuid in gui),
             {"type": "CommandTriggerMessage", "uuid": next(iter(viewer.server.gui._command_handle_from_uuid))},
             beginning(1000),
-            {**field, "updates": {"value": told}},
+            {**field, "updates": {"value": message}},
         )
         page.send(b"\xc1 no message")
         page.send("no bytes")
-        until(lambda: viewer.panel.page._field.value == told, "the page may not be dark")
+        until(lambda: viewer.panel.page._field.value == message, "the page may not be dark")
     assert viewer.worker.settle(PATIENCE)
     assert (viewer.edited, [shown.motion for shown in viewer.motions.shown]) == before
     assert viewer.panel.player.time == 0.0

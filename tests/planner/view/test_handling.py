@@ -62,9 +62,9 @@ def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
     assert viewer.worker.settle(20)
 
 
-def said(viewer: Viewer) -> str:
+def status(viewer: Viewer) -> str:
     """What the panel says of the last edit."""
-    return html.unescape(re.sub("<[^>]*>", "", viewer.panel.editing.said))
+    return html.unescape(re.sub("<[^>]*>", "", viewer.panel.editing.text))
 
 
 def selected(viewer: Viewer) -> Obstacle:
@@ -110,7 +110,7 @@ def test_an_obstacle_is_added_named_resized_duplicated_and_deleted(viewer: Viewe
     assert [obstacle.name for obstacle in viewer.scene.obstacles] == names[:-1]
     assert viewer.panel.handles.selected is None
     assert not viewer.panel.obstacles._folder.visible
-    assert said(viewer) == ""
+    assert status(viewer) == ""
     sent(viewer, field(viewer, "history"), "reset")
     assert viewer.scene is first
 
@@ -137,10 +137,10 @@ def test_what_a_browser_may_send_is_taken_whole_or_refused_in_a_line(viewer: Vie
             value = type(handle.value)(rng.choice([0, -1, 5, 1000, 10**9]))
         before = viewer.edited
         sent(viewer, handle, value)
-        if said(viewer):
+        if status(viewer):
             refused += 1
-            assert said(viewer).startswith("not done: ")
-            assert "\n" not in said(viewer)
+            assert status(viewer).startswith("not done: ")
+            assert "\n" not in status(viewer)
             assert any(viewer.edited is each for each in earlier)  # before it, or before the beginning of it
         else:
             taken += viewer.edited is not before
@@ -156,9 +156,9 @@ def test_what_is_typed_while_the_panel_is_written_anew_is_not_lost(
 ) -> None:
     """Though viser's own threads are all busy; nor what is told twice by the page."""
     by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
-    gui, handle, told, free = viewer.server.gui, field(viewer, "clearance [m]"), list[object](), threading.Event()
+    gui, handle, calls, free = viewer.server.gui, field(viewer, "clearance [m]"), list[object](), threading.Event()
     monkeypatch.setattr(gui, "_resolve_client", lambda _: SimpleNamespace(client_id=1))
-    viewer.panel.page.on("count", lambda _, words: told.append(words["number"]))
+    viewer.panel.page.on("count", lambda _, words: calls.append(words["number"]))
     for _ in range(gui._thread_executor._max_workers):
         gui._thread_executor.submit(free.wait, 20)
 
@@ -175,7 +175,7 @@ def test_what_is_typed_while_the_panel_is_written_anew_is_not_lost(
         free.set()
     assert viewer.worker.settle(20)
     assert viewer.scene.obstacles[-1].clearance == 0.005
-    assert told == [0, 1, 2]
+    assert calls == [0, 1, 2]
 
 
 def test_a_field_keeps_the_digits_that_it_does_not_show(viewer: Viewer) -> None:
@@ -199,7 +199,7 @@ def test_a_moving_obstacle_gets_another_speed(opened: Opener, scene: Scene) -> N
     sent(viewer, field(viewer, "spin [rad/s]"), (0.0, 0.0, 1.0))
     assert selected(viewer).motion == SteadyMotion((0.1, 0.0, 0.0), (0.0, 0.0, 1.0))
     sent(viewer, field(viewer, "duration [s]"), "")
-    assert "timing.duration is missing" in said(viewer)
+    assert "timing.duration is missing" in status(viewer)
     sent(viewer, field(viewer, "duration [s]"), "3")
     assert viewer.panel.player.timeline.end == 3.0
 
@@ -220,7 +220,7 @@ def test_values_of_one_field_that_come_at_once_are_one_step(viewer: Viewer) -> N
     assert viewer.edited is first
     assert slider.value == pytest.approx(first.goal[0])
     sent(viewer, field(viewer, "history"), "undo")
-    assert said(viewer) == "not done: there is nothing to undo"
+    assert status(viewer) == "not done: there is nothing to undo"
     sent(viewer, field(viewer, "history"), "redo")
     assert viewer.edited.goal[0] == 0.9
     viewer.panel.editing._last = dataclasses.replace(viewer.panel.editing._last, when=LONG_AGO)  # the hand rested
@@ -243,7 +243,7 @@ def test_of_a_value_that_is_refused_nothing_stays_that_was_typed_before(
     for count in range(1, len(text) + 1):
         sent(viewer, handle, text[:count])
         assert handle.value == text[:count]  # it stays in the field, as somebody may go on
-    assert words in said(viewer)
+    assert words in status(viewer)
     assert viewer.edited is before
     assert selected(viewer).name == "box"
     by_worker(viewer, viewer.panel.show_values)
@@ -263,7 +263,7 @@ def test_what_was_taken_of_another_value_stays_where_one_is_refused(viewer: View
     handle, first = field(viewer, "radius [m]"), selected(viewer).shape
     for value in (0.02, 0.01, 0.0):
         sent(viewer, handle, value)
-    assert "radius" in said(viewer)
+    assert "radius" in status(viewer)
     assert selected(viewer).shape == dataclasses.replace(first, radius=0.01)
     viewer.panel.editing._last = dataclasses.replace(viewer.panel.editing._last, when=LONG_AGO)  # the hand rested
     for value in (1.0, 10.0, 100.0, 1e20):
@@ -272,7 +272,7 @@ def test_what_was_taken_of_another_value_stays_where_one_is_refused(viewer: View
     sent(viewer, handle, 1.0)
     viewer.panel.editing.refuse("no exponent")
     assert viewer.worker.settle(20)
-    assert said(viewer) == "not done: no exponent"
+    assert status(viewer) == "not done: no exponent"
     assert selected(viewer).shape == dataclasses.replace(first, radius=0.01)
     assert handle.value == 0.01
 
@@ -288,7 +288,7 @@ def test_a_value_is_one_however_long_the_hand_rests_in_it(viewer: Viewer, entere
     if entered:
         viewer.panel.editing.enter()
     sent(viewer, handle, "0.1x")
-    assert "must be a number" in said(viewer)
+    assert "must be a number" in status(viewer)
     assert selected(viewer).clearance == (0.1 if entered else None)
     assert (viewer.edited is before) is not entered
 
@@ -335,7 +335,7 @@ def test_postures_of_a_goal_pose_are_gone_through_and_kept(opened: Opener) -> No
         assert viewer.edited.missed is None
         seen.append(viewer.edited.goal)
     assert not np.array_equal(seen[1], seen[2])
-    assert "posture 3 of" in str(viewer.panel.jogging._said.content)
+    assert "posture 3 of" in str(viewer.panel.jogging._text.content)
     sent(viewer, field(viewer, "posture"), "keep as joint values")
     np.testing.assert_array_equal(viewer.scene.goal.positions, seen[2])
     for q in reversed(seen):
@@ -365,7 +365,7 @@ def test_the_planner_s_settings_are_those_of_the_plan(opened: Opener, scene: Sce
     viewer.panel.planning.toggle()
     until(lambda: not viewer.panel.planning.running, "the plan ends")
     assert viewer.worker.settle(20)
-    assert "seed" in viewer.panel.planning.said
+    assert "seed" in viewer.panel.planning.text
 
 
 def test_a_mesh_is_sent_and_saved_beside_the_scene(viewer: Viewer, tmp_path: Path) -> None:
@@ -397,12 +397,12 @@ def test_scenes_and_motions_are_opened(viewer: Viewer, trajectory: Trajectory, t
     assert viewer.scene.name == "other"
     assert viewer.scene.obstacles[-1].name == "box"
     assert changed.count("box") == scene_text(viewer.scene).count("box")
-    assert "opened: the scene other" in said(viewer)
+    assert "opened: the scene other" in status(viewer)
     for name in ("way.json", "way.npz", "way.csv", "way.joint_trajectory.yaml", "way.robot_trajectory.yaml"):
         trajectory.save(tmp_path / name)
         by_worker(viewer, lambda name=name: viewer.panel.opening.open(file(tmp_path / name)))
-        assert "opened: way" in said(viewer)
-        assert "certified" in said(viewer)
+        assert "opened: way" in status(viewer)
+        assert "certified" in status(viewer)
     assert [shown.motion.name for shown in viewer.motions.shown] == ["found", "way"]
     for _ in range(6):  # of five motions and the scene
         sent(viewer, field(viewer, "history"), "undo")
@@ -434,9 +434,9 @@ def test_files_that_cannot_be_opened_change_nothing(viewer: Viewer, trajectory: 
         given = SimpleNamespace(name=name, content=content)
         viewer.panel.editing.do(lambda job=job, given=given: job(given))
         assert viewer.worker.settle(20)
-        assert words in said(viewer), name
-        assert str(viewer.uploads.folder) not in said(viewer)
-        assert "\n" not in said(viewer)
+        assert words in status(viewer), name
+        assert str(viewer.uploads.folder) not in status(viewer)
+        assert "\n" not in status(viewer)
         assert viewer.edited is before
         assert viewer.motions.shown == motions
 
@@ -490,11 +490,11 @@ def test_keys_act(viewer: Viewer) -> None:
     assert viewer.scene.obstacles[-1].name == "box"
 
 
-def test_a_motion_that_does_not_fit_the_edited_scene_is_said_to_and_fits_again(viewer: Viewer) -> None:
+def test_a_motion_that_does_not_fit_the_edited_scene_is_reported_and_fits_again(viewer: Viewer) -> None:
     """One without times, where the motion is to last so long: the edit is taken, and nothing is said to be proven."""
     viewer.panel.live.set(False)
     sent(viewer, field(viewer, "duration [s]"), "2")
-    assert said(viewer) == ""
+    assert status(viewer) == ""
     assert viewer.scene.end_time == 2.0
     by_worker(viewer, viewer.document.measure)
     assert not viewer.document.holds(viewer.motions.shown[0])

@@ -108,15 +108,15 @@ def test_who_watches_can_press_nothing(tab: Tabs, viewer: Viewer) -> None:
     page.get_by_text("Save scene").wait_for()
 
 
-def test_a_server_that_has_ended_is_said(tab: Tabs, viewer: Viewer) -> None:
+def test_a_server_that_has_ended_is_reported(tab: Tabs, viewer: Viewer) -> None:
     page = tab(address(viewer))
-    said: Callable[[], Any] = lambda: page.evaluate("getComputedStyle(document.documentElement, '::after').content")  # noqa: E731
+    color: Callable[[], Any] = lambda: page.evaluate("getComputedStyle(document.documentElement, '::after').content")  # noqa: E731
     for _ in range(2):  # the page has found that it is there
         with page.expect_response(lambda answer: answer.url.endswith(ALIVE)):
             pass
-    assert ENDED not in said()
+    assert ENDED not in color()
     viewer.close()
-    until(lambda: ENDED in said(), "it looks alive")
+    until(lambda: ENDED in color(), "it looks alive")
 
 
 def test_an_exponent_makes_no_other_number(tab: Tabs, viewer: Viewer) -> None:

@@ -75,8 +75,8 @@ def test_what_is_done_to_a_motion_is_undone_and_done_again(viewer: Viewer, do: s
     if do == "plan":
         by_worker(viewer, lambda: planned(viewer, f"{NAME} 2"))
     else:
-        told = {"do": do, "motion": shown.number, "answer": "mine"}
-        viewer.panel.page._handlers[do](None, told)
+        message = {"do": do, "motion": shown.number, "answer": "mine"}
+        viewer.panel.page._handlers[do](None, message)
         assert viewer.worker.settle(20)
     after = seen(viewer)
     assert after != before

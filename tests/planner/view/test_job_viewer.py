@@ -123,22 +123,22 @@ def test_no_verdict_outlives_its_scene(opened: Open) -> None:
         else:
             viewer.go_back(act)
         viewer.worker.settle()
-        seen.add(said := says(viewer))
+        seen.add(text := says(viewer))
         shown = viewer.edited.shown
         if shown is None:
-            assert said == "nothing"
+            assert text == "nothing"
         else:
             assert shown.scene is viewer.edited.scene
             again = certify_job(viewer.edited.scene, shown.trajectory)
-            assert again.certified == (said == "good")
+            assert again.certified == (text == "good")
     assert seen == {"good", "bad", "nothing"}
 
 
 def test_a_plan_of_an_earlier_scene_comes_too_late(opened: Open, scene: Scene, planned: JobResult) -> None:
     viewer = opened(scene)
     assert says(viewer) == "nothing"
-    asked = viewer.edited
-    found = asked.done(planned.trajectory, planned.certificate)
+    edited = viewer.edited
+    found = edited.done(planned.trajectory, planned.certificate)
     far = viewer.edited.movables[0]
 
     def drag() -> None:
@@ -146,12 +146,12 @@ def test_a_plan_of_an_earlier_scene_comes_too_late(opened: Open, scene: Scene, p
         viewer.handles.drag(Pose((0.55, 0.0, 0.05)))
 
     by_worker(viewer, drag)
-    viewer._planned(asked, found, "")
+    viewer._planned(edited, found, "")
     viewer.worker.settle()
     assert says(viewer) == "nothing"
     viewer.go_back("undo")  # where the same plan is in time
     viewer.worker.settle()
-    viewer._planned(asked, found, "")
+    viewer._planned(edited, found, "")
     viewer.worker.settle()
     assert says(viewer) == "good"
 
@@ -204,11 +204,11 @@ def test_what_was_refused_changes_nothing(opened: Open, scene: Scene, planned: J
 def test_a_job_that_is_planned_elsewhere_is_shown(opened: Open) -> None:
     """Its stop reaches whoever plans; what comes of it counts in the very scene that was planned alone."""
     viewer = opened(there_and_wait())
-    asked = viewer.edited
+    edited = viewer.edited
 
     def run(report: Any, stop: Callable[[], bool]) -> JobResult:
         assert viewer.planning.running
-        result = plan_job(asked.scene, report=report)
+        result = plan_job(edited.scene, report=report)
         assert not stop()
         viewer.toggle()
         assert stop()
@@ -222,7 +222,7 @@ def test_a_job_that_is_planned_elsewhere_is_shown(opened: Open) -> None:
     assert viewer.edited.shown.trajectory is result.trajectory
 
     def fails(report: Any, stop: Callable[[], bool]) -> JobResult:
-        by_worker(viewer, lambda: viewer.change(EditedJob.of(derived(asked.scene, name="other"))))
+        by_worker(viewer, lambda: viewer.change(EditedJob.of(derived(edited.scene, name="other"))))
         raise InputError("no way there")
 
     with pytest.raises(InputError, match="no way there"):
@@ -265,17 +265,17 @@ def test_what_is_saved_is_read_again_and_certified(
         ),
     )
     for what in ("scene", "motion", "page", "anything"):
-        viewer.saving._asked_for(what, client)
+        viewer.saving._download(what, client)
         viewer.worker.settle()
     assert sent == ["panda_pick_place.yaml", "job.json", "panda_pick_place.html"]
     again = certify_job(load_scene(tmp_path / sent[0]), Trajectory.load(tmp_path / sent[1]))
     assert again.certified
-    assert again.text in html.unescape(viewer.saving.said)
+    assert again.text in html.unescape(viewer.saving.text)
     by_worker(viewer, lambda: viewer.change(EditedJob.of(derived(scene, name="other"))))
-    assert viewer.saving.said == ""  # it was of another scene
-    viewer.saving._asked_for("motion", client)
+    assert viewer.saving.text == ""  # it was of another scene
+    viewer.saving._download("motion", client)
     viewer.worker.settle()
-    assert "no motion of this job yet" in viewer.saving.said
+    assert "no motion of this job yet" in viewer.saving.text
 
 
 def test_by_mouse_a_job_is_planned_and_a_stage_is_gone_to(browser: Any, tab: Any) -> None:

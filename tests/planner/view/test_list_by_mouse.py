@@ -37,10 +37,10 @@ from tests.waiting import until
 pytestmark = pytest.mark.slow
 BALL = Thing("obstacle", "ball")
 EYE, TARGET = (0.4, -2.2, 2.6), (0.4, 0.3, 0.0)
-COMES_IN = """(address) => new Promise((said) => {
+COMES_IN = """(address) => new Promise((resolve) => {
   const socket = new WebSocket(address.replace(/^http/, 'ws').replace(/[/]([?]|$)/, '$1'), 'viser-vVERSION');
-  socket.onopen = () => said(true);
-  socket.onerror = socket.onclose = () => said(false);
+  socket.onopen = () => resolve(true);
+  socket.onerror = socket.onclose = () => resolve(false);
 })"""
 
 

@@ -69,13 +69,13 @@ def test_a_motion_follows_what_is_dragged(viewer: Viewer) -> None:
         assert active.motion.certificate.text == certificate.text
         assert certificate.certified
     assert viewer.panel.live.count == 8
-    assert "certified motions a second" in viewer.panel.live.said
+    assert "certified motions a second" in viewer.panel.live.text
     assert not active.motion.measured
     by_worker(viewer, viewer.panel.handles.let_go)
     assert active.motion.measured
 
 
-def test_a_motion_that_no_longer_holds_is_said_at_once_with_pair_and_depth(
+def test_a_motion_that_no_longer_holds_is_reported_at_once_with_pair_and_depth(
     viewer: Viewer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gate = threading.Event()
@@ -88,10 +88,10 @@ def test_a_motion_that_no_longer_holds_is_said_at_once_with_pair_and_depth(
     monkeypatch.setattr(module, "plan", late)
     pose = in_the_way(viewer)
     by_worker(viewer, lambda: viewer.panel.handles.drag(pose))
-    said = viewer.panel.verdict
-    assert "and ball overlap by" in said
-    assert "of an older scene" in said
-    assert "certified" not in said
+    verdict = viewer.panel.verdict
+    assert "and ball overlap by" in verdict
+    assert "of an older scene" in verdict
+    assert "certified" not in verdict
     gate.set()
     settled(viewer)
     assert viewer.motions.active is not None
@@ -170,7 +170,7 @@ def test_it_switches_itself_off_where_plans_take_long_unless_somebody_chose(open
     assert viewer.panel.live.on
     viewer.panel.live.learn(2.0)
     assert not viewer.panel.live.on
-    assert "takes more than" in viewer.panel.live.said
+    assert "takes more than" in viewer.panel.live.text
     viewer.panel.live.learn(0.2)
     assert viewer.panel.live.on
     viewer.panel.live.set(True)

@@ -55,35 +55,35 @@ def test_a_value_that_was_refused_leaves_its_field(viewer: Viewer, field: str, v
     handle = next(each for each, name, _ in viewer.panel.obstacles._fields._fields if name == field)
     before = handle.value
     typed(viewer, field, value)
-    assert "not done: " in viewer.panel.editing.said
+    assert "not done: " in viewer.panel.editing.text
     assert handle.value == value
     until(lambda: handle.value == before, "the value of before is back")
-    assert "not done: " in viewer.panel.editing.said
+    assert "not done: " in viewer.panel.editing.text
 
 
 def test_an_exponent_is_refused_in_words(viewer: Viewer) -> None:
     before = viewer.edited
     viewer.panel.page._handlers["exponent"](None, {"do": "exponent"})
     assert viewer.worker.settle(20)
-    assert "without an exponent" in viewer.panel.editing.said
+    assert "without an exponent" in viewer.panel.editing.text
     assert viewer.edited is before
 
 
 def test_words_of_a_file_go_with_what_it_was_about(viewer: Viewer) -> None:
     saving = viewer.panel.saving
     by_worker(viewer, saving.motion_file)
-    assert "saved: certified" in saving._said.content
+    assert "saved: certified" in saving._text.content
     by_worker(viewer, viewer.motions_changed)
-    assert "saved: certified" in saving._said.content
+    assert "saved: certified" in saving._text.content
     place = place_of(viewer.edited, BALL, viewer.stage.tip)
     by_worker(viewer, lambda: viewer.panel.editing.say("opened: the scene"))
     by_worker(viewer, lambda: viewer.panel.handles.drag(Pose((place.position[0] + 0.01, *place.position[1:]))))
-    assert saving._said.content == ""
-    assert viewer.panel.editing.said == ""
+    assert saving._text.content == ""
+    assert viewer.panel.editing.text == ""
     by_worker(viewer, saving.scene_file)
-    assert "saved: the scene" in saving._said.content
+    assert "saved: the scene" in saving._text.content
     by_worker(viewer, viewer.document.undo)
-    assert saving._said.content == ""
+    assert saving._text.content == ""
 
 
 def test_esc_selects_nothing_also_while_something_is_dragged(viewer: Viewer) -> None:
@@ -140,13 +140,13 @@ def test_long_names_take_no_room(length: int) -> None:
     ("window", "width"), [(1400, WIDTH), (700, 280), (600, NARROWEST), (float("nan"), None), ("a", None)]
 )
 def test_the_panel_leaves_room_for_the_scene(viewer: Viewer, window: object, width: float | None) -> None:
-    asked: list[float] = []
-    panel = SimpleNamespace(set_width=asked.append)
+    calls: list[float] = []
+    panel = SimpleNamespace(set_width=calls.append)
     gui = SimpleNamespace(configure_theme=lambda **_: None, main_panel=panel)
     client: Any = SimpleNamespace(client_id=7, gui=gui, scene=SimpleNamespace(add_grid=lambda *_, **__: None))
     for _ in range(2):
         viewer.panel.page._theme(client, {"do": "theme", "dark": False, "width": window})
-    assert asked == ([] if width in (None, WIDTH) else [width])
+    assert calls == ([] if width in (None, WIDTH) else [width])
 
 
 def test_start_and_goal_have_their_names_also_where_the_robot_stands(viewer: Viewer) -> None:

@@ -29,11 +29,11 @@ PATIENCE = 30.0  # [s]
 def waited_for(viewer: Viewer, words: str) -> str:
     """What the layer says once it says `words`."""
 
-    def said() -> str:
-        return html.unescape(viewer.panel.layers.plane.said)
+    def text() -> str:
+        return html.unescape(viewer.panel.layers.plane.text)
 
-    until(lambda: words in said(), words)
-    return said()
+    until(lambda: words in text(), words)
+    return text()
 
 
 def switch(viewer: Viewer, on: bool) -> None:
@@ -47,7 +47,7 @@ def test_the_slab_lies_between_the_closest_pair(opened: Opener, scene: Scene, tr
     viewer = opened(scene, found=trajectory)
     layer = viewer.panel.layers.plane
     assert not layer.slab.visible
-    assert not layer.said
+    assert not layer.text
     switch(viewer, True)
     waited_for(viewer, "proven ≥")
     for now in np.linspace(0.0, 1.0, 11).tolist():
@@ -89,7 +89,7 @@ def test_a_proof_is_of_the_scene_as_it_was(
     viewer.worker.ask("push", lambda: push(10.0))
     assert viewer.worker.settle(PATIENCE)
     assert not layer.slab.visible
-    assert "not certified in this scene" in layer.said
+    assert "not certified in this scene" in layer.text
     viewer.worker.ask("measure", viewer.document.measure)
     waited_for(viewer, "proven ≥")
     assert layer.slab.visible

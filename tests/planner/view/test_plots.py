@@ -43,7 +43,7 @@ def curve(plot: Plot, name: str) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(times)[known], np.asarray(values)[known]
 
 
-def asked(viewer: Viewer, quantity: str) -> None:
+def choose(viewer: Viewer, quantity: str) -> None:
     plots = viewer.panel._plots
     plots.quantity.value = quantity
     by_worker(viewer, lambda: viewer.panel.plot(viewer.panel.player.timeline))
@@ -54,7 +54,7 @@ def test_rates_are_the_motions_own_with_their_limits(opened: Opener, limited: Sc
     by_worker(viewer, lambda: None)
     plots = viewer.panel._plots
     for quantity, limits in (("velocity", [1.0]), ("acceleration", [2.0, 3.0]), ("jerk", [40.0])):
-        asked(viewer, quantity)
+        choose(viewer, quantity)
         assert plots.joints.handle.title.startswith(f"{quantity} of the joints")
         times, values = curve(plots.joints, "shoulder")
         inner = slice(2, -2)
@@ -65,15 +65,15 @@ def test_rates_are_the_motions_own_with_their_limits(opened: Opener, limited: Sc
         rows = [plots.joints.handle.data[i] for i, label in enumerate(labels) if label == "limit"]
         assert [float(row[0]) for row in rows] == limits
         assert np.abs(values).max() <= limits[0] * (1 + 1e-6)
-    asked(viewer, "torque")
+    choose(viewer, "torque")
     assert plots.joints.handle.title.startswith("torque of the joints [N m]: none known")
 
 
 def test_a_path_without_times_has_no_rates(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
     viewer = opened(scene, found=trajectory)
-    asked(viewer, "velocity")
+    choose(viewer, "velocity")
     assert ": none known" in viewer.panel._plots.joints.handle.title
-    asked(viewer, "position")
+    choose(viewer, "position")
     _, values = curve(viewer.panel._plots.joints, "elbow")
     assert values.min() == pytest.approx(trajectory.positions[:, 1].min(), abs=1e-3)
 
@@ -87,7 +87,7 @@ def test_two_motions_are_compared_on_one_axis(opened: Opener, limited: Scene, ti
         timed, times=1.5 * timed.times, velocities=timed.velocities / 1.5, accelerations=timed.accelerations / 2.25
     )
     viewer = opened(limited, found=timed, slow=slow)
-    asked(viewer, "position")
+    choose(viewer, "position")
     plots = viewer.panel._plots
     assert slow.times is not None
     own, other = curve(plots.joints, "elbow"), curve(plots.joints, "elbow of slow")
@@ -120,21 +120,21 @@ def test_all_plots_are_zoomed_together_and_a_click_stays_a_moment(
     page, plots = viewer.panel.page, viewer.panel._plots
     by_worker(viewer, lambda: None)
 
-    def told(text: str) -> None:
+    def send(text: str) -> None:
         heard(page._field, text, client)
         assert viewer.worker.settle(20)
 
-    told('{"do": "zoom", "from": 0.8, "to": 0.4}')
+    send('{"do": "zoom", "from": 0.8, "to": 0.4}')
     assert plots.view == pytest.approx((0.4, 0.8))
     ranges = [plot.handle.scales["x"]["range"] for plot in (plots.clearance, plots.joints)]
     np.testing.assert_allclose(ranges, [(0.4, 0.8)] * 2)
-    told('{"do": "seek", "share": 0.5}')
+    send('{"do": "seek", "share": 0.5}')
     assert viewer.panel.player.time == pytest.approx(0.6)
     assert plots.view == pytest.approx((0.4, 0.8))  # the bar moves, and the part stays
     for wrong in ('{"do": "zoom", "from": "x", "to": 1}', '{"do": "zoom"}', '{"do": "zoom", "from": 1e999, "to": 0}'):
-        told(wrong)
+        send(wrong)
         assert plots.view == pytest.approx((0.4, 0.8))
-    told('{"do": "zoom", "from": 0, "to": 0}')
+    send('{"do": "zoom", "from": 0, "to": 0}')
     assert plots.view == (0.0, 1.0)
 
 

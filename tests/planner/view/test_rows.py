@@ -29,9 +29,9 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
     return opened(scene, found=trajectory, line=line)
 
 
-def tell(viewer: Viewer, told: object) -> None:
+def tell(viewer: Viewer, message: object) -> None:
     """As the page's script does."""
-    text = told if isinstance(told, str) else json.dumps(told)
+    text = message if isinstance(message, str) else json.dumps(message)
     heard(viewer.panel.page._field, text, SimpleNamespace(client_id=1))
     assert viewer.worker.settle(20)
 
@@ -117,15 +117,15 @@ def test_what_no_page_tells_changes_nothing(viewer: Viewer) -> None:
     words = ["choose", "hide", "rename", "closest", "seek", "theme", "", "quit", None, 3, [], {}]
     values = [-1, 1e9, "NaN", None, [], {}, True, "1", 0.5, "x" * 5000]
     before = [(shown.number, shown.motion.name) for shown in viewer.motions.shown]
-    for said in ("", "{", "[]", "3", '"do"', "{}", '{"do": "choose"}', "\x00", "[" * 2000):
-        tell(viewer, said)
+    for text in ("", "{", "[]", "3", '"do"', "{}", '{"do": "choose"}', "\x00", "[" * 2000):
+        tell(viewer, text)
     for _ in range(100):
         keys = rng.choice(["motion", "share", "answer", "dark", "at"], 3)
-        told = {str(key): values[rng.integers(len(values))] for key in keys}
-        told["motion"] = [None, -1, 99, "1", []][rng.integers(5)]
+        message = {str(key): values[rng.integers(len(values))] for key in keys}
+        message["motion"] = [None, -1, 99, "1", []][rng.integers(5)]
         word = words[rng.integers(len(words))]
         if word != "theme":  # which needs a real browser
-            tell(viewer, {"do": word, **told})
+            tell(viewer, {"do": word, **message})
     assert [(shown.number, shown.motion.name) for shown in viewer.motions.shown] == before
 
 

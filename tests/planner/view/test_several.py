@@ -42,7 +42,7 @@ def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
     assert viewer.worker.settle(20)
 
 
-def told(viewer: Viewer, do: str, **what: object) -> None:
+def send(viewer: Viewer, do: str, **what: object) -> None:
     viewer.panel.page._handlers[do](None, {"do": do, **what})
     assert viewer.worker.settle(20)
 
@@ -59,8 +59,8 @@ def test_what_is_selected_together_keeps_its_places_while_it_is_dragged(viewer: 
     """Through any poses, in one step; what is not selected stays."""
     rng = np.random.default_rng(3)
     every = ("shelf/low", "far", "shelf/high")
-    told(viewer, "select group", name="shelf")
-    told(viewer, "select thing", kind="obstacle", name="far", more=True)
+    send(viewer, "select group", name="shelf")
+    send(viewer, "select thing", kind="obstacle", name="far", more=True)
     handles = viewer.panel.handles
     assert set(handles.obstacles) == set(every)
     assert handles.selected == Thing("obstacle", "far")  # the last one has the handle
@@ -74,10 +74,10 @@ def test_what_is_selected_together_keeps_its_places_while_it_is_dragged(viewer: 
             np.testing.assert_allclose(place(viewer.edited, name), way @ place(before, name), atol=1e-9)
         np.testing.assert_array_equal(place(viewer.edited, "ball"), place(before, "ball"))
     by_worker(viewer, handles.let_go)
-    told_back(viewer, before)
+    wait_for_answer(viewer, before)
 
 
-def told_back(viewer: Viewer, before: Edited) -> None:
+def wait_for_answer(viewer: Viewer, before: Edited) -> None:
     """One undo leads back."""
     viewer.panel.editing.ask("undo")
     assert viewer.worker.settle(20)
@@ -86,7 +86,7 @@ def told_back(viewer: Viewer, before: Edited) -> None:
 
 def test_several_are_duplicated_beside_each_other_and_deleted_in_one_step(viewer: Viewer) -> None:
     before, first = viewer.edited, names(viewer)
-    told(viewer, "select group", name="shelf")
+    send(viewer, "select group", name="shelf")
     viewer.panel.obstacles.ask("duplicate")
     assert viewer.worker.settle(20)
     added = names(viewer) - first
@@ -95,22 +95,22 @@ def test_several_are_duplicated_beside_each_other_and_deleted_in_one_step(viewer
     ways = [place(viewer.edited, f"{name}2") - place(viewer.edited, name) for name in ("shelf/low", "shelf/high")]
     np.testing.assert_allclose(ways[0], ways[1], atol=1e-12)
     assert ways[0][1, 3] >= 0.3
-    told_back(viewer, before)
-    told(viewer, "delete group", name="shelf")
+    wait_for_answer(viewer, before)
+    send(viewer, "delete group", name="shelf")
     assert names(viewer) == first - {"shelf/low", "shelf/high"}
     assert viewer.panel.handles.selected is None
-    told_back(viewer, before)
+    wait_for_answer(viewer, before)
 
 
 def test_a_group_is_hidden_and_locked_as_one(viewer: Viewer) -> None:
-    told(viewer, "eye group", name="shelf")
+    send(viewer, "eye group", name="shelf")
     seen = {node.obstacle.name: node.frame.visible for node in viewer.stage.obstacles}
     assert [name for name, visible in seen.items() if not visible] == ["shelf/low", "shelf/high"]
-    told(viewer, "lock group", name="shelf")
-    told(viewer, "delete group", name="shelf")
-    assert "is locked" in viewer.panel.editing.said
+    send(viewer, "lock group", name="shelf")
+    send(viewer, "delete group", name="shelf")
+    assert "is locked" in viewer.panel.editing.text
     assert {"shelf/low", "shelf/high"} <= names(viewer)
-    told(viewer, "fold group", name="shelf")
+    send(viewer, "fold group", name="shelf")
     assert "<b>shelf</b> (2)" in viewer.panel.tree.content
     assert "&emsp;" not in viewer.panel.tree.content
 
@@ -121,10 +121,10 @@ def test_what_is_hidden_stays_so_under_another_name(viewer: Viewer) -> None:
     def hidden() -> list[str]:
         return [node.obstacle.name for node in viewer.stage.obstacles if not node.frame.visible]
 
-    told(viewer, "eye group", name="shelf")
-    told(viewer, "rename group", name="shelf", answer="rack")
+    send(viewer, "eye group", name="shelf")
+    send(viewer, "rename group", name="shelf", answer="rack")
     assert hidden() == ["rack/low", "rack/high"]
-    told(viewer, "rename group", name="rack", answer="")
+    send(viewer, "rename group", name="rack", answer="")
     assert hidden() == ["low", "high"]
     swapped = {"low": "ball", "ball": "low"}
     after = tuple(replace(each, name=swapped.get(each.name, each.name)) for each in viewer.scene.obstacles)
@@ -135,37 +135,37 @@ def test_what_is_hidden_stays_so_under_another_name(viewer: Viewer) -> None:
         viewer.worker.ask("undo", viewer.document.undo)
         assert viewer.worker.settle(20)
     assert hidden() == ["shelf/low", "shelf/high"]
-    told(viewer, "eye group", name="shelf")
+    send(viewer, "eye group", name="shelf")
     assert hidden() == []
 
 
 def test_groups_are_saved_with_the_scene(viewer: Viewer) -> None:
     for name in ("ball", "prism"):
-        told(viewer, "select thing", kind="obstacle", name=name, more=True)
+        send(viewer, "select thing", kind="obstacle", name=name, more=True)
     before = viewer.edited
     viewer.panel.obstacles.ask("group")
     assert viewer.worker.settle(20)
     assert groups.members(viewer.edited, "group") == ("group/ball", "group/prism")
     assert set(viewer.panel.handles.obstacles) == {"group/ball", "group/prism"}
-    told(viewer, "rename group", name="group", answer="fruit")
+    send(viewer, "rename group", name="group", answer="fruit")
     assert groups.members(viewer.edited, "fruit") == ("fruit/ball", "fruit/prism")
     assert "fruit/ball" in scene_text(viewer.scene)
     viewer.panel.editing.ask("undo")
     assert viewer.worker.settle(20)
-    told_back(viewer, before)
+    wait_for_answer(viewer, before)
 
 
 def test_no_more_is_selected_than_there_is(viewer: Viewer) -> None:
     """Whatever is deleted elsewhere; start and goal are selected alone."""
-    told(viewer, "select group", name="shelf")
+    send(viewer, "select group", name="shelf")
     by_worker(viewer, lambda: viewer.document.change(scene_edits.deleted(viewer.edited, "shelf/high")))
     assert viewer.panel.handles.obstacles == ("shelf/low",)
-    told(viewer, "select thing", kind="start", name="", more=True)
+    send(viewer, "select thing", kind="start", name="", more=True)
     assert viewer.panel.handles.selected == START
     assert not viewer.panel.handles.obstacles
-    told(viewer, "select thing", kind="obstacle", name="ball", more=True)
+    send(viewer, "select thing", kind="obstacle", name="ball", more=True)
     assert viewer.panel.handles.obstacles == ("ball",)
-    told(viewer, "select thing", kind="obstacle", name="ball", more=True)  # a second time: no more
+    send(viewer, "select thing", kind="obstacle", name="ball", more=True)  # a second time: no more
     assert viewer.panel.handles.selected is None
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.view.drawing.shading import DARKEST, LIGHTEST, STEP, luma_of, shade, told_apart
+from hdplan.planner.view.drawing.shading import DARKEST, LIGHTEST, STEP, luma_of, shade, two_toned
 from hdplan.planner.view.drawing.skins import visual_skins
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -40,7 +40,7 @@ def test_links_that_follow_each_other_differ(name: str) -> None:
     robot = load_robot(scene.robot)
     skins, _ = visual_skins(robot, scene.robot)
     of_joint = {skin.joint: skin for skin in skins if skin.joint}
-    again = {skin.joint: shaded for skin, shaded in zip(skins, told_apart(robot, skins), strict=True)}
+    again = {skin.joint: shaded for skin, shaded in zip(skins, two_toned(robot, skins), strict=True)}
     for joint, skin in of_joint.items():
         before = of_joint.get(int(robot.model.parents[joint]))
         if before is not None and before.color == skin.color:

@@ -41,8 +41,8 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
     return opened(scene, found=trajectory)
 
 
-def tell(viewer: Viewer, **told: object) -> None:
-    heard(viewer.panel.page._field, json.dumps(told), SimpleNamespace(client_id=1))
+def tell(viewer: Viewer, **message: object) -> None:
+    heard(viewer.panel.page._field, json.dumps(message), SimpleNamespace(client_id=1))
     assert viewer.worker.settle(20)
 
 
@@ -83,7 +83,7 @@ def test_what_is_locked_stays(viewer: Viewer) -> None:
         lambda e: scene_edits.deleted(e, "ball"),
     ):
         by_worker(viewer, lambda edit=edit: editing.guarded(lambda: editing.apply("x", edit)))
-        assert "is locked" in editing.said
+        assert "is locked" in editing.text
     by_worker(viewer, lambda: viewer.panel.handles.drag(Pose((0.0, 2.0, 0.0))))
     tell(viewer, do="delete thing", kind="obstacle", name="ball")
     assert ball_of(viewer) is first
@@ -100,7 +100,7 @@ def test_pages_may_tell_anything(viewer: Viewer) -> None:
         for what in ("delete", "lock", "eye", "select"):
             tell(viewer, do=f"{what} thing", kind=kind, name=name)
     tell(viewer, do="paste", text="hdplan: 1")
-    assert "not done: " in viewer.panel.editing.said
+    assert "not done: " in viewer.panel.editing.text
     assert viewer.edited is before
     assert not viewer.document.locked
     tell(viewer, do="select thing", kind="start", name="")
@@ -131,8 +131,8 @@ def test_a_paste_is_a_step_and_takes_other_names(viewer: Viewer) -> None:
     negative = "- {name: a, shape: {type: box, size: [1, 1, -1]}}"
     for wrong in ("", "- 1", negative, "- {name: x", "- !!python/object:os {}", "x" * (LONGEST_TEXT + 1)):
         tell(viewer, do="paste", text=wrong)
-        assert "not done: " in viewer.panel.editing.said, wrong[:40]
-        assert "hdplan-view-" not in viewer.panel.editing.said
+        assert "not done: " in viewer.panel.editing.text, wrong[:40]
+        assert "hdplan-view-" not in viewer.panel.editing.text
         assert [each.name for each in viewer.scene.obstacles] == names
     for _ in range(2):
         viewer.panel.editing.ask("undo")

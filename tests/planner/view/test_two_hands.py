@@ -148,13 +148,13 @@ def test_what_was_typed_for_one_thing_does_not_change_another(viewer: Viewer) ->
 
     by_worker(viewer, busy)
     assert viewer.scene is before
-    assert "another thing is selected" in panel.editing.said
+    assert "another thing is selected" in panel.editing.text
 
 
 def test_a_worker_that_fails_says_so_and_shows_no_verdict(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
-    told: list[str] = []
+    calls: list[str] = []
     viewer = opened(scene, found=trajectory)
-    viewer._complain = told.append
+    viewer._complain = calls.append
     assert SAYS_CERTIFIED in viewer.panel.verdict
 
     def fails() -> None:
@@ -165,19 +165,19 @@ def test_a_worker_that_fails_says_so_and_shows_no_verdict(opened: Opener, scene:
     assert SAYS_CERTIFIED not in viewer.panel.verdict
     assert "hd-good" not in viewer.panel.verdict
     assert viewer.panel.clearance == ""
-    assert len(told) == 1
+    assert len(calls) == 1
     by_worker(viewer, viewer.document.measure)
     assert SAYS_CERTIFIED in viewer.panel.verdict
 
 
 def test_a_change_that_fails_half_way_shows_no_verdict(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[str] = []
-    viewer._complain = told.append
+    calls: list[str] = []
+    viewer._complain = calls.append
     monkeypatch.setattr(viewer.panel.jogging, "update", lambda: 1 / 0)
     pulled(viewer, viewer.panel.handles._handle, (-0.01, 0.0, 0.0))
     assert "hdplan failed here (ZeroDivisionError" in viewer.panel.verdict
     assert SAYS_CERTIFIED not in viewer.panel.verdict
-    assert told
+    assert calls
 
 
 def test_whatever_two_hands_do_is_true(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:

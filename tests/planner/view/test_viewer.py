@@ -77,7 +77,7 @@ def test_the_slider_moves_the_robot(viewer: Viewer, trajectory: Trajectory) -> N
     assert_posed(viewer.stage.goal, trajectory.positions[-1])
 
 
-def test_the_segment_is_as_long_as_the_clearance_that_is_said(viewer: Viewer) -> None:
+def test_the_segment_is_as_long_as_the_stated_clearance(viewer: Viewer) -> None:
     viewer.show(0.5)
     to_obstacle, _ = viewer.certifier.closest(viewer.configuration)
     assert to_obstacle is not None
@@ -248,7 +248,7 @@ def test_planning_streams_its_motions_and_ends_with_a_verdict(opened: Opener, sc
     assert result is not None
     assert len(viewer.panel.planning.iterates) == result.iterations
     assert viewer.motions.active.motion.name == NAME
-    assert "certified" in viewer.panel.planning.said
+    assert "certified" in viewer.panel.planning.text
     assert not viewer.panel.player.slider.disabled
     viewer.show(0.3)
     assert_posed(viewer.stage.robot, result.trajectory.at(0.3))
@@ -283,7 +283,7 @@ def test_the_goal_follows_its_handle(viewer: Viewer) -> None:
     assert viewer.motions.shown[0].motion.certificate.status.value == "wrong_ends"
 
 
-def test_an_obstacle_dragged_onto_the_goal_is_said_in_place_and_refused(viewer: Viewer) -> None:
+def test_an_obstacle_dragged_onto_the_goal_is_reported_in_place_and_refused(viewer: Viewer) -> None:
     handles, index = viewer.panel.handles, 0
     obstacle = viewer.scene.obstacles[index]
     handles.choice.value = f"obstacle {obstacle.name}"
@@ -299,7 +299,7 @@ def test_an_obstacle_dragged_onto_the_goal_is_said_in_place_and_refused(viewer: 
     assert obstacle.name in viewer.stage.labels[1].text
     assert "goal is in collision" in viewer.panel.verdict
     planned(viewer)
-    assert "collision" in viewer.panel.planning.said
+    assert "collision" in viewer.panel.planning.text
     by_worker(viewer, lambda: handles.drag(obstacle.pose))
     assert viewer.edited.contacts == ((), ())
 
@@ -370,11 +370,11 @@ def assert_true(viewer: Viewer, folder: Path) -> str:
     status that the file says, if it says any."""
     scene, file = saved_pair(viewer, folder)
     certificate = certify(scene, Trajectory.load(file))
-    said = json.loads(file.read_text(encoding="utf-8")).get("verdict", {})
-    if said:
-        assert (said["status"], said["text"]) == (certificate.status.value, certificate.text)
-        assert said["clearance_m"] == certificate.clearance
-    assert "certified: at least" not in viewer.panel.planning.said or certificate.certified
+    verdict = json.loads(file.read_text(encoding="utf-8")).get("verdict", {})
+    if verdict:
+        assert (verdict["status"], verdict["text"]) == (certificate.status.value, certificate.text)
+        assert verdict["clearance_m"] == certificate.clearance
+    assert "certified: at least" not in viewer.panel.planning.text or certificate.certified
     assert viewer.panel.rows.content.count(OUTDATED) == sum(
         not viewer.document.holds(shown) for shown in viewer.motions.shown
     )
@@ -382,7 +382,7 @@ def assert_true(viewer: Viewer, folder: Path) -> str:
         if viewer.document.holds(shown):
             text = certify(scene, shown.motion.trajectory).text
             assert html.escape(text) in viewer.panel.verdict
-    return str(said.get("status"))
+    return str(verdict.get("status"))
 
 
 def test_an_obstacle_dragged_into_the_arm_takes_the_verdict_with_it(
@@ -399,7 +399,7 @@ def test_an_obstacle_dragged_into_the_arm_takes_the_verdict_with_it(
     viewer.worker.settle(20)
     by_worker(viewer, lambda: handles.drag(dataclasses.replace(ball.pose, position=tuple(middle.tolist()))))
     assert OUTDATED in viewer.panel.verdict
-    assert "certified" not in viewer.panel.planning.said
+    assert "certified" not in viewer.panel.planning.text
     assert assert_true(viewer, tmp_path) == "in_contact"
     by_worker(viewer, handles.let_go)
     assert "in contact" in viewer.panel.verdict
@@ -486,7 +486,7 @@ def test_two_browsers_that_press_plan_at_once_get_one_motion(opened: Opener, sce
     together(lambda _: viewer.panel.planning.start(), 3)
     until(lambda: not viewer.panel.planning.running, "the plan ends")
     assert viewer.worker.settle(20)
-    assert "certified: at least" in viewer.panel.planning.said
+    assert "certified: at least" in viewer.panel.planning.text
     assert viewer.panel.planning.button.label == "Plan"
     assert [shown.motion.name for shown in viewer.motions.shown] == [NAME]
 

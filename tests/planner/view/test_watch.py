@@ -72,7 +72,7 @@ def test_a_scene_is_followed_whole_or_not_at_all(viewer: Viewer, files: tuple[Pa
         ("hdplan: 1\nrobot: {name: ur5}\nobstacles: []\nstart: {state: default}\ngoal: {state: default}\n", ""),
     ):
         files[0].write_text(wrong)
-        until(lambda words=words: "not done: " in editing.said and words in editing.said, "it is not said")
+        until(lambda words=words: "not done: " in editing.text and words in editing.text, "it is not said")
         assert viewer.edited is shown
         viewer.worker.ask("clear", lambda: editing.say(""))
         assert viewer.worker.settle(20)
@@ -107,5 +107,5 @@ def test_a_motion_is_followed(viewer: Viewer, files: tuple[Path, Path], trajecto
     says_the_truth(viewer, files[0])
     assert not active.motion.certificate.certified
     files[1].write_text("{")
-    until(lambda: "not done: " in viewer.panel.editing.said, "it is not said")
+    until(lambda: "not done: " in viewer.panel.editing.text, "it is not said")
     assert len(active.motion.trajectory.positions) == 10

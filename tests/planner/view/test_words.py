@@ -54,12 +54,12 @@ def test_a_stopped_plan_says_how_far_it_came(edited: Edited, trajectory: Traject
     line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
     motion = shown(edited, line)
     assert motion.certificate.status is Status.IN_CONTACT
-    result = replace(plan(scene), certificate=motion.certificate, asked=edited.scene)
+    result = replace(plan(scene), certificate=motion.certificate, requested=edited.scene)
     assert whats_next(edited, motion, result, stopped=True) == "stopped: the best motion so far is in contact"
     assert "no free motion found yet" in whats_next(edited, motion, result)
     worst = min(place.distance for place in motion.certificate.failures)
-    said = f"in contact in this scene: forearm and ball, {-1e3 * worst:.1f} mm deep: press Plan"
-    assert whats_next(edited, motion) == said
+    text = f"in contact in this scene: forearm and ball, {-1e3 * worst:.1f} mm deep: press Plan"
+    assert whats_next(edited, motion) == text
     assert figures(motion.certificate, line).startswith("in contact · ")
 
 
@@ -81,8 +81,8 @@ def test_the_badge_says_the_verdict_in_a_few_words(edited: Edited, trajectory: T
     certified, colliding = (ShownMotion.of("", each, edited.certifier) for each in (trajectory, line))
     assert badge(edited, None, False) == ""
     assert certified.certificate.clearance is not None
-    said = badge(edited, certified, True)
-    assert f"✓ certified {proven_length(certified.certificate.clearance)}<" in said
+    text = badge(edited, certified, True)
+    assert f"✓ certified {proven_length(certified.certificate.clearance)}<" in text
     assert "✓" not in badge(edited, certified, False)
     assert "not checked" in badge(edited, certified, False)
     worst = min(colliding.certificate.failures, key=lambda place: place.distance)

@@ -43,7 +43,7 @@ def test_all_jobs_are_done_by_one_thread(worker: Worker) -> None:
     assert len(set(seen)) == 1
 
 
-def test_a_job_that_fails_is_told_and_the_next_one_is_done(worker: Worker, complaints: list[Exception]) -> None:
+def test_a_job_that_fails_is_reported_and_the_next_one_is_done(worker: Worker, complaints: list[Exception]) -> None:
     done: list[int] = []
     worker.ask("bad", lambda: done.append(1 // 0))
     worker.ask("good", lambda: done.append(1))

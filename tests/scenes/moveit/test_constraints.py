@@ -49,7 +49,7 @@ def turn(quaternion: Sequence[float], *tolerances: float, **more: object) -> dic
 
 
 def request(folder: Path, goal: dict[str, Any] | None = None, path: dict[str, Any] | None = None) -> Scene:
-    scene, asked = folder / "scene.yaml", folder / "request.yaml"
+    scene, request_file = folder / "scene.yaml", folder / "request.yaml"
     scene.write_text("robot_model_name: panda\n", encoding="utf-8")
     joints = {"joint_constraints": [{"joint_name": "j1", "position": 1.0}]}
     message = {
@@ -57,8 +57,8 @@ def request(folder: Path, goal: dict[str, Any] | None = None, path: dict[str, An
         "goal_constraints": [goal or joints],
         "path_constraints": path or {},
     }
-    asked.write_text(yaml.safe_dump(copy.deepcopy(message)), encoding="utf-8")  # no aliases
-    return load_scene(scene, asked, "panda")
+    request_file.write_text(yaml.safe_dump(copy.deepcopy(message)), encoding="utf-8")  # no aliases
+    return load_scene(scene, request_file, "panda")
 
 
 def pose_goal(scene: Scene) -> PoseTarget:
@@ -85,8 +85,8 @@ def test_a_ball_and_an_orientation_are_a_pose(tmp_path: Path) -> None:
 def test_no_orientation_or_all_free_is_any_turn(tmp_path: Path) -> None:
     alone = pose_goal(request(tmp_path, {"position_constraints": [BALL]}))
     free = turn([0, 0, 0, 1], math.pi, 4.0, 3.14)
-    said = pose_goal(request(tmp_path, {"position_constraints": [BALL], "orientation_constraints": [free]}))
-    assert alone == said
+    goal = pose_goal(request(tmp_path, {"position_constraints": [BALL], "orientation_constraints": [free]}))
+    assert alone == goal
     assert alone.free_rotation == "all"
 
 

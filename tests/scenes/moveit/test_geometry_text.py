@@ -90,10 +90,10 @@ def load(folder: Path, scene: str | bytes | dict[str, Any]) -> Scene:
 def refusal(folder: Path, text: str | bytes) -> str:
     with pytest.raises(InputError) as caught:
         load(folder, text)
-    said = str(caught.value)
-    assert said.startswith(f"{folder / 'world.scene'}: ")
-    assert "\n" not in said
-    return said
+    message = str(caught.value)
+    assert message.startswith(f"{folder / 'world.scene'}: ")
+    assert "\n" not in message
+    return message
 
 
 @pytest.mark.core
@@ -154,8 +154,8 @@ def pose_lines(pose: dict[str, list[float]]) -> list[str]:
 @pytest.mark.parametrize("text", [NEW, OLD])
 def test_a_file_that_was_cut_off_is_refused_wherever(tmp_path: Path, text: str) -> None:
     for size in range(text.rindex(".")):
-        said = refusal(tmp_path, text[:size])
-        assert "line " in said
+        message = refusal(tmp_path, text[:size])
+        assert "line " in message
 
 
 @pytest.mark.parametrize(
@@ -178,8 +178,8 @@ def test_a_file_that_was_cut_off_is_refused_wherever(tmp_path: Path, text: str) 
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, old: str, new: str, words: str) -> None:
-    said = refusal(tmp_path, NEW.replace(old, new))
-    assert re.search(words, said), said
+    message = refusal(tmp_path, NEW.replace(old, new))
+    assert re.search(words, message), message
 
 
 def test_what_is_no_such_file(tmp_path: Path) -> None:

@@ -285,17 +285,17 @@ def test_a_pair_that_the_srdf_leaves_out_and_the_matrix_checks_is_checked(files:
     """By its entry, or by the defaults of its links; not where the matrix says nothing or allows it."""
     names = ["panda_link0", "panda_link1", "panda_link5", "panda_link7"]  # the SRDF disables 0-1 and 5-7, and not 0-5
     some = [("panda_link0", "panda_link1")]
-    for allowed, asked in (
+    for allowed, checked in (
         ([], [("panda_link0", "panda_link1"), ("panda_link5", "panda_link7")]),
         (some, [("panda_link5", "panda_link7")]),
         ([*some, ("panda_link5", "panda_link7")], []),
     ):
         scene = files.edit("scene", MATRIX, matrix(names, allowed)).load()
         assert scene.notes == ()
-        assert scene.robot.check_pairs == tuple(asked)
+        assert scene.robot.check_pairs == tuple(checked)
         robot = load_scene_robot(dataclasses.replace(scene, start="default", goal="default"))
-        assert set(asked) <= set(robot.self_pairs)
-        assert not set(asked) & set(robot.unchecked)
+        assert set(checked) <= set(robot.self_pairs)
+        assert not set(checked) & set(robot.unchecked)
     uneven = matrix(names, [])
     uneven["entry_values"][0][1] = True
     assert ("panda_link0", "panda_link1") in files.edit("scene", MATRIX, uneven).load().robot.check_pairs
@@ -493,13 +493,13 @@ def test_bounds_of_a_base_that_moves_are_refused(files: Files) -> None:
         files.load(robot=own)
 
 
-def test_another_robots_name_is_told(files: Files) -> None:
+def test_another_robots_name_is_reported(files: Files) -> None:
     (note,) = files.edit("scene", "robot_model_name", "fr3").load().notes
     assert note == "scene.yaml: robot_model_name: names the robot 'fr3', not panda"
     assert files.edit("scene", "robot_model_name", "").load().notes == ()
 
 
-def test_what_differs_from_an_unknown_state_is_told(files: Files) -> None:
+def test_what_differs_from_an_unknown_state_is_reported(files: Files) -> None:
     (note,) = files.edit("scene", "robot_state.is_diff", True).load().notes
     assert "robot_state: is_diff is true" in note
     files.edit("scene", "robot_state.is_diff", False).edit("scene", HELD, [{**held("cup"), "weight": 0.0}])
@@ -675,7 +675,7 @@ def test_missing_flags_are_named(files: Files) -> None:
         files.load(request=None, robot=None)
 
 
-def test_swapped_files_are_told(files: Files) -> None:
+def test_swapped_files_are_reported(files: Files) -> None:
     files.load()
     with pytest.raises(InputError, match="is a MoveIt motion plan request; name the planning scene first"):
         load_scene(files.request_file, files.scene_file, "panda")

@@ -96,7 +96,7 @@ class Writer:
         ]
         angle = "" if self.degree and self.rng.uniform() < 0.5 else f"angle='{'degree' if self.degree else 'radian'}'"
         defaults = "".join(
-            f"<default class='{name}'>{''.join(self._tag(tag, said) for tag, said in own.items())}</default>"
+            f"<default class='{name}'>{''.join(self._tag(tag, each) for tag, each in own.items())}</default>"
             for name, own in self.classes.items()
         )
         parts = [
@@ -119,7 +119,7 @@ class Writer:
 
     def _body(self, level: int, inherited: str | None) -> tuple[str, Body]:
         rng, name = self.rng, self._name("body")
-        said, place = self._place()
+        attributes, place = self._place()
         child_class = str(rng.choice(["a", "b"])) if rng.uniform() < 0.2 else None
         own, body, content = child_class or inherited, Body(name, place), list[str]()
         for _ in range(rng.choice([0, 1, 1, 1, 2, 3])):
@@ -128,8 +128,8 @@ class Writer:
             content.append(self._framed(lambda frame, kind: self._geom(body, frame, kind), own))
         for _ in range(rng.choice([0, 1, 1, 2]) if level < 2 else 0):
             content.append(self._framed(lambda frame, kind: self._below(body, frame, level, kind), own))
-        said = {"name": name, **said, **({"childclass": child_class} if child_class else {})}
-        return self._apart(self._tag("body", said, "".join(content)), 0.1), body
+        attributes = {"name": name, **attributes, **({"childclass": child_class} if child_class else {})}
+        return self._apart(self._tag("body", attributes, "".join(content)), 0.1), body
 
     def _below(self, body: Body, frame: np.ndarray, level: int, inherited: str | None) -> str:
         text, below = self._body(level + 1, inherited)
@@ -142,38 +142,41 @@ class Writer:
         frame = np.eye(4) if frame is None else frame
         if self.rng.uniform() > 0.25:
             return str(write(frame, inherited))
-        said, place = self._place()
+        attributes, place = self._place()
         if self.rng.uniform() < 0.3:
             inherited = str(self.rng.choice(["a", "b"]))
-            said["childclass"] = inherited
-        return self._tag("frame", said, self._framed(write, inherited, frame @ place))
+            attributes["childclass"] = inherited
+        return self._tag("frame", attributes, self._framed(write, inherited, frame @ place))
 
     def _joint(self, body: Body, frame: np.ndarray, inherited: str | None) -> str:
         rng, kind, axis = self.rng, str(self.rng.choice(["hinge", "slide"])), self.rng.normal(size=3)
-        anchor, said = rng.normal(size=3) * rng.integers(2), {}
-        said, known = self._of_class(inherited, "joint")
+        anchor, attributes = rng.normal(size=3) * rng.integers(2), {}
+        attributes, known = self._of_class(inherited, "joint")
         if known:
             kind, axis = known["type"], np.array(numbers(known["axis"]))
         else:
-            said |= {"type": kind, "axis": words(axis)}
+            attributes |= {"type": kind, "axis": words(axis)}
         unit = 180 / math.pi if kind == "hinge" and self.degree else 1.0
         name, ref = self._name("joint"), float(rng.normal() * rng.integers(2))
         if ref:
-            said["ref"] = repr(ref * unit)
+            attributes["ref"] = repr(ref * unit)
         if anchor.any():
-            said["pos"] = words(anchor)
+            attributes["pos"] = words(anchor)
         limits = None
         if rng.uniform() < 0.6:
             limits = tuple(np.sort(rng.normal(size=2)).tolist())
-            said |= {"range": words(np.array(limits) * unit), **({"limited": "true"} if rng.uniform() < 0.3 else {})}
+            attributes |= {
+                "range": words(np.array(limits) * unit),
+                **({"limited": "true"} if rng.uniform() < 0.3 else {}),
+            }
         turned = frame[:3, :3] @ axis
         body.joints.append(Joint(name, kind, (frame @ np.append(anchor, 1.0))[:3], turned, ref, limits))
-        return self._tag("joint", {"name": name, **said})
+        return self._tag("joint", {"name": name, **attributes})
 
     def _geom(self, body: Body, frame: np.ndarray, inherited: str | None) -> str:
         rng, shape = self.rng, str(self.rng.choice(SHAPES))
         sizes = rng.uniform(0.05, 0.3, SIZES.get(shape, 2)).tolist()
-        said, known = self._of_class(inherited, "geom")
+        attributes, known = self._of_class(inherited, "geom")
         if known:
             shape, sizes = known["type"], numbers(known["size"])
         elif shape in ("capsule", "cylinder") and rng.uniform() < 0.5:
@@ -183,10 +186,10 @@ class Writer:
             body.geoms.append((shape, frame @ place, [sizes[0], float(np.linalg.norm(along)) / 2]))
             return self._tag("geom", {"type": shape, "size": repr(sizes[0]), "fromto": words([*first, *last])})
         else:
-            said |= {"type": shape, "size": words(sizes)}
+            attributes |= {"type": shape, "size": words(sizes)}
         where, place = self._place()
         body.geoms.append((shape, frame @ place, sizes))
-        return self._tag("geom", {**said, **where})
+        return self._tag("geom", {**attributes, **where})
 
     def _of_class(self, inherited: str | None, tag: str) -> tuple[dict[str, str], dict[str, str]]:
         """Name a class, or inherit one: what is to be said, and what the class says."""
@@ -197,31 +200,31 @@ class Writer:
 
     def _place(self) -> tuple[dict[str, str], np.ndarray]:
         rng, position = self.rng, self.rng.normal(size=3)
-        said, turn = {"pos": words(position)}, np.eye(3)
+        attributes, turn = {"pos": words(position)}, np.eye(3)
         unit = 180 / math.pi if self.degree else 1.0
         match rng.integers(6):
             case 1:
                 w, *v = rng.normal(size=4)
-                said["quat"] = words([w, *v])
+                attributes["quat"] = words([w, *v])
                 turn = rotation(v, 2 * math.atan2(np.linalg.norm(v), w))
             case 2:
                 axis, angle = rng.normal(size=3), rng.uniform(-3, 3)
-                said["axisangle"], turn = words([*axis, angle * unit]), rotation(axis, angle)
+                attributes["axisangle"], turn = words([*axis, angle * unit]), rotation(axis, angle)
             case 3:
                 angles = rng.uniform(-3, 3, 3)
-                said["euler"] = words(angles * unit)
+                attributes["euler"] = words(angles * unit)
                 for letter, angle in zip(self.order, angles, strict=True):
                     step = rotation(np.eye(3)["xyz".index(letter.lower())], angle)
                     turn = turn @ step if letter.islower() else step @ turn
             case 4:
                 x, y = rng.normal(size=(2, 3))
-                said["xyaxes"] = words([*x, *y])
+                attributes["xyaxes"] = words([*x, *y])
                 z = np.cross(x, y)
                 turn = np.column_stack([each / np.linalg.norm(each) for each in (x, np.cross(z, x), z)])
             case 5:
                 z = rng.normal(size=3)
-                said["zaxis"], turn = words(z), onto(z)
-        return said, transform(turn, position)
+                attributes["zaxis"], turn = words(z), onto(z)
+        return attributes, transform(turn, position)
 
     def _apart(self, text: str, share: float) -> str:
         """Put a piece of text into a file of its own, now and then."""
@@ -231,9 +234,9 @@ class Writer:
         self.files[name] = f"<mujocoinclude>{text}</mujocoinclude>"
         return f"<include file='{name}'/>"
 
-    def _tag(self, tag: str, said: dict[str, str], content: str = "") -> str:
-        keys = self.rng.permutation(list(said))
-        return f"<{tag} {' '.join(f'{key}={chr(39)}{said[key]}{chr(39)}' for key in keys)}>{content}</{tag}>"
+    def _tag(self, tag: str, attributes: dict[str, str], content: str = "") -> str:
+        keys = self.rng.permutation(list(attributes))
+        return f"<{tag} {' '.join(f'{key}={chr(39)}{attributes[key]}{chr(39)}' for key in keys)}>{content}</{tag}>"
 
     def _name(self, kind: str) -> str:
         self.count += 1

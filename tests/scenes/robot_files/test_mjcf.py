@@ -207,7 +207,7 @@ def test_what_a_model_says_of_joints_masks_defaults_and_pairs(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('conaffinity="0" type="plane"', 'type="plane"', "body 'base': geom '1': type 'plane' is not supported"),
         (
@@ -253,11 +253,11 @@ def test_what_a_model_says_of_joints_masks_defaults_and_pairs(tmp_path: Path) ->
         ('pos="0 0 1"', 'quat="1 0 0 0" zaxis="0 0 1"', "body 'arm': quat and zaxis say the same"),
     ],
 )
-def test_what_urdf_cannot_say_is_refused_by_name(old: str, new: str, said: str, tmp_path: Path) -> None:
+def test_what_urdf_cannot_say_is_refused_by_name(old: str, new: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "parts").mkdir()
     trimesh.creation.icosphere(1, 0.1).export(tmp_path / "parts" / "ball.stl")
     assert HAND.count(old) == 1
-    with pytest.raises(InputError, match=rf"^robot\.urdf: .*robot\.xml: .*{said}"):
+    with pytest.raises(InputError, match=rf"^robot\.urdf: .*robot\.xml: .*{message}"):
         load(tmp_path, HAND.replace(old, new))
 
 

@@ -72,15 +72,15 @@ def check(model: Model, urdf: ElementTree.Element, rng: np.random.Generator) -> 
             assert near(own[:3, 3], place[:3, 3], 1e-9)
             if shape in ("capsule", "cylinder"):  # round about their axes, and the same upside down
                 assert abs(own[:3, 2] @ place[:3, 2]) == pytest.approx(1.0, abs=1e-9)
-                said = np.append(numbers(geometry, "radius"), numbers(geometry, "length") / 2)
+                sizes_read = np.append(numbers(geometry, "radius"), numbers(geometry, "length") / 2)
             else:
                 assert near(own, place, 1e-9)
-                said = {
+                sizes_read = {
                     "box": lambda each: numbers(each, "size") / 2,
                     "sphere": lambda each: numbers(each, "radius"),
                     "ellipsoid": lambda each: numbers(each, "radii"),
                 }[shape](geometry)
-            assert near(said, sizes, 1e-12)
+            assert near(sizes_read, sizes, 1e-12)
     return len(model.world.all()) - 1
 
 
@@ -105,14 +105,14 @@ def damaged(text: str, rng: np.random.Generator) -> str:
     root = ElementTree.fromstring(text)
     elements = [each for each in root.iter() if each is not root]
     element = elements[rng.integers(len(elements))]
-    said = [key for key in element.attrib if key not in FREE and element.tag != "default"]
-    how = rng.integers(3) if said else 0
+    keys = [key for key in element.attrib if key not in FREE and element.tag != "default"]
+    how = rng.integers(3) if keys else 0
     if how == 0:
         element.tag = str(
             rng.choice([element.tag + "s", element.tag.upper(), "u:" + element.tag, "replicate", "plugin"])
         )
         return ElementTree.tostring(root, encoding="unicode")
-    key = said[rng.integers(len(said))]
+    key = keys[rng.integers(len(keys))]
     value = element.attrib[key]
     if how == 1:
         del element.attrib[key]

@@ -189,8 +189,8 @@ def test_inertias_that_no_body_has_are_found(tmp_path: Path, mass: str, moments:
 
 def _weighed(mass: str, moments: str) -> str:
     keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    said = " ".join(f'{key}="{value}"' for key, value in zip(keys, moments.split(), strict=True))
-    text = re.sub(r"<inertia .*?/>", f"<inertia {said}/>", ARM)
+    attributes = " ".join(f'{key}="{value}"' for key, value in zip(keys, moments.split(), strict=True))
+    text = re.sub(r"<inertia .*?/>", f"<inertia {attributes}/>", ARM)
     return text.replace('<mass value="1"/>', f'<mass value="{mass}"/>')
 
 

@@ -53,7 +53,7 @@ def radius(robot: Robot) -> float:
     return float(ball.radius)
 
 
-def test_without_the_library_it_is_said_how_to_get_it(arm: RobotSpec, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_library_the_message_tells_how_to_get_it(arm: RobotSpec, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "xacro", None)
     with pytest.raises(InputError, match=r"arm\.urdf\.xacro: xacro files need xacro, .*: pip install xacro$"):
         load_robot(arm)
@@ -67,9 +67,9 @@ def test_macros_properties_and_includes_are_read(arm: RobotSpec) -> None:
     assert [Path(file).name for file, *_ in robot.files] == ["arm.urdf.xacro", "sizes.xacro"]
 
 
-def test_what_goes_wrong_in_it_is_said_in_one_line(arm: RobotSpec, capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_goes_wrong_in_it_is_reported_in_one_line(arm: RobotSpec, capfd: pytest.CaptureFixture[str]) -> None:
     assert arm.urdf is not None
-    for text, said in (
+    for text, message in (
         (ARM.replace("${r}", "${radius}"), "xacro: name 'radius' is not defined"),
         (ARM.replace("${r}", "$(arg size)"), r"xacro: the argument 'size' has no value; robot\.xacro_args: \{size: "),
         (ARM.replace("${r}", "$(env NO_SUCH)"), "xacro: .*'NO_SUCH' is not set"),
@@ -80,7 +80,7 @@ def test_what_goes_wrong_in_it_is_said_in_one_line(arm: RobotSpec, capfd: pytest
         (ARM[:-20], "xacro: "),
     ):
         arm.urdf.write_text(text)
-        with pytest.raises(InputError, match=rf"arm\.urdf\.xacro: {said}") as caught:
+        with pytest.raises(InputError, match=rf"arm\.urdf\.xacro: {message}") as caught:
             load_robot(arm)
         assert "\n" not in str(caught.value)
     arm.urdf.write_text(ARM.replace('value="', 'whatever="').replace("<xacro:segment i", '<xacro:segment extra="1" i'))

@@ -91,7 +91,7 @@ def test_every_rate_is_written_read_and_known_to_editors(tmp_path: Path, rate: s
     assert rate in scene_schema()["properties"]["limits"]["properties"]
 
 
-def test_what_is_not_said_keeps_its_default(tmp_path: Path) -> None:
+def test_what_is_not_given_keeps_its_default(tmp_path: Path) -> None:
     plain = read(tmp_path, "")
     assert not plain.timed
     assert (plain.self_collision, plain.limits, plain.path) == (SelfCollision(), Limits(), PathConstraints())
@@ -103,10 +103,10 @@ def test_what_is_not_said_keeps_its_default(tmp_path: Path) -> None:
     assert held == Relative("hand", "other", Pose((0.0, 0.0, 1.0)))
     assert read(tmp_path, "path: {relative: {link: hand, to: other}}\n").path.relative == Relative("hand", "other")
     assert not read(tmp_path, "limits: {position: {j1: [0, 1]}}\n").timed
-    said = read(tmp_path, "limits: {acceleration: 2}\ntiming: {scale: 0.5}\n")
-    assert said.timing == Timing(scale=0.5)
-    said = read(tmp_path, f"attached: [{{link: hand, {BALL}}}]\nlimits: {{torque: urdf}}\n{TIMED}")
-    assert said.attached[0].mass is None
+    scene = read(tmp_path, "limits: {acceleration: 2}\ntiming: {scale: 0.5}\n")
+    assert scene.timing == Timing(scale=0.5)
+    scene = read(tmp_path, f"attached: [{{link: hand, {BALL}}}]\nlimits: {{torque: urdf}}\n{TIMED}")
+    assert scene.attached[0].mass is None
 
 
 def test_an_axis_is_of_length_one(tmp_path: Path) -> None:

@@ -91,7 +91,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return found
 
 
-def said(content: Any, folder: Path) -> tuple[str | None, str | None]:
+def messages(content: Any, folder: Path) -> tuple[str | None, str | None]:
     """What reader and schema have against a scene; None: nothing."""
     file = folder / "scene.yaml"
     file.write_text(yaml.dump(content, Dumper=yaml.CSafeDumper), encoding="utf-8")
@@ -131,8 +131,8 @@ def test_shipped_jobs_keep_to_it(name: str) -> None:
 
 
 def test_a_scene_with_everything_keeps_to_it(folder: Path) -> None:
-    assert said(yaml.safe_load(FULL), folder) == (None, None)
-    assert said(yaml.safe_load(JOB), folder) == (None, None)
+    assert messages(yaml.safe_load(FULL), folder) == (None, None)
+    assert messages(yaml.safe_load(JOB), folder) == (None, None)
 
 
 def test_both_refuse_the_same_broken_scenes(folder: Path) -> None:
@@ -145,7 +145,7 @@ def test_both_refuse_the_same_broken_scenes(folder: Path) -> None:
     while both < 200:
         broken = copy.deepcopy(whole[int(rng.integers(len(whole)))])
         what = break_at_random(broken, rng)
-        refused, wrong = said(broken, folder)
+        refused, wrong = messages(broken, folder)
         if refused is None or ABOUT_MEANING.search(refused):
             assert wrong is None or refused is not None, (what, wrong)
         else:
@@ -165,7 +165,7 @@ def test_null_is_the_same_as_leaving_out_and_both_say_so(folder: Path) -> None:
             changed = copy.deepcopy(whole)
             place, key = list(containers(changed))[row]
             place[key] = value
-            refused, wrong = said(changed, folder)
+            refused, wrong = messages(changed, folder)
             if (name, value) == ("robot", None):  # which may come from --robot
                 assert wrong is None
             elif refused is None or not ABOUT_MEANING.search(refused):
@@ -193,7 +193,7 @@ def test_null_is_the_same_as_leaving_out_and_both_say_so(folder: Path) -> None:
     ],
 )
 def test_both_count_what_is_given_and_not_null(section: dict[str, Any], right: bool, folder: Path) -> None:
-    refused, wrong = said({**yaml.safe_load(FULL), **section}, folder)
+    refused, wrong = messages({**yaml.safe_load(FULL), **section}, folder)
     assert (refused is None, wrong is None) == (right, right), (refused, wrong)
 
 

@@ -70,8 +70,8 @@ def verdicts(scene: Scene, rng: np.random.Generator) -> tuple[object, ...]:
     times = np.linspace(0.0, scene.end_time or 5.0, len(rows)) if scene.timed or scene.moving else None
     rates = None if times is None else np.zeros_like(rows)
     found = certifier.certify(Trajectory(robot.joint_names, rows, robot.locked, times, rates, rates))
-    said = (robot.joint_names, robot.locked, robot.lower.tolist(), robot.upper.tolist(), robot.self_pairs)
-    return *said, found.text, found.notes, certifier.contacts(rows[0])
+    settings = (robot.joint_names, robot.locked, robot.lower.tolist(), robot.upper.tolist(), robot.self_pairs)
+    return *settings, found.text, found.notes, certifier.contacts(rows[0])
 
 
 @pytest.mark.sampled(3)
@@ -105,13 +105,13 @@ def moveit(folder: Path, name: str = "cup", **request: Any) -> Scene:
         "robot_state": {"attached_collision_objects": [held]},
         "world": {"collision_objects": [{"id": name, "header": {"frame_id": "panda_link0"}, **shape, **place}]},
     }
-    asked = {
+    requested = {
         "group_name": "panda_arm",
         "start_state": {"joint_state": {"name": list(start), "position": list(start.values())}},
         "goal_constraints": [{"joint_constraints": [*joints, {"joint_name": "a wheel: 1", "position": 3.0}]}],
         **request,
     }
-    for file, content in (("scene", scene), ("request", asked)):
+    for file, content in (("scene", scene), ("request", requested)):
         (folder / f"{file}.yaml").write_text(yaml.safe_dump(content, allow_unicode=True), encoding="utf-8")
     return load_scene(folder / "scene.yaml", folder / "request.yaml", "panda")
 

@@ -35,7 +35,7 @@ def bent(motion: Trajectory, rng: np.random.Generator) -> Trajectory:
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda_corridor", "ur5_table", "planar_arm"])
-def test_what_is_certified_keeps_what_is_asked_and_what_is_not_does_not(name: str) -> None:
+def test_what_is_certified_keeps_the_required_clearance_and_what_is_not_does_not(name: str) -> None:
     """Against exact distances at samples: certified with at least what must be kept, and too close only where less is
     kept; less than the scene's is asked for only with a word, and never less than the share of its closest end."""
     scene, rng = load_scene(name), np.random.default_rng(13)
@@ -81,7 +81,7 @@ def test_every_door_says_the_same_as_plan() -> None:
         assert set(certificate.notes) <= set(result.notes)
 
 
-def test_less_than_asked_is_too_close_and_both_numbers_are_said() -> None:
+def test_less_than_required_is_too_close_and_both_numbers_are_reported() -> None:
     scene = load_scene("panda_bookshelf")  # planned as it is, the motion keeps less than its ends do
     found = certify(with_clearance(scene, 0.06), plan(scene).trajectory)
     assert found.status is Status.TOO_CLOSE
