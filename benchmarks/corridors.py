@@ -1,6 +1,6 @@
 """Where the HD-SDF's smooth commands come from: random corridors, parallel and not, at equal clearance.
 
-    python benchmarks/corridors.py [--corridors 10] [--processes 1]
+    python benchmarks/corridors.py [--corridors 8] [--processes 1]
 
 In half of the corridors walls and roof are parallel, in the other half each is turned by up to 0.15 rad about each
 axis. The paper's Panda of boxes enters under the paper's own controller (`corridor_experiment.py`), fitted bodies under
@@ -138,7 +138,7 @@ def entered(words: str, parallel: bool, seed: int) -> tuple[float, ...]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--corridors", type=int, default=10)
+    parser.add_argument("--corridors", type=int, default=8)
     parser.add_argument("--processes", type=int, default=1)
     given = parser.parse_args()
     rows = []

@@ -78,7 +78,8 @@ class Sight:
         straight, floors = self._straight(rest, pairs, inside), self._floors(window, time, inside)
         free = barriers.coming | np.isneginf(floors[0])
         slack, rates = straight.value - self.margins[pairs], self._rates(rest, pairs)
-        rates[~barriers.coming[pairs] & (slack > 0.0)] *= AT_REST
+        guides = np.flatnonzero(~barriers.coming[pairs] & (not self.settings.as_published))
+        rates[guides[slack[guides] > 0.0]] *= AT_REST
         asked = [
             Asked(pairs, straight, slack, rates, free[pairs]),
             Asked(known, near, np.maximum(near.value - NEAR_DISTANCE, 0.0), np.full(len(known), rate), free[known]),
@@ -88,15 +89,13 @@ class Sight:
             of = pairs[coming]
             rows = self._straight(here.part(coming), of, inside)
             asked.append(Asked(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding), free[of]))
-        return Seen(pairs, here, self._approach(here, pairs, inside), tuple(asked), *floors, inside)
+        approach = self._approach(here.part(guides), pairs[guides], inside)
+        return Seen(pairs, here, approach, tuple(asked), *floors, inside)
 
     def _approach(self, here: BarrierRows, pairs: Rows, inside: Rows) -> Asked:
-        """Return what is asked at q of pairs that do not move."""
-        still = np.flatnonzero(~self.barriers.coming[pairs])
-        of, rows = pairs[still], here.part(still)
-        straight = self._straight(rows, of, inside)
-        rates, free = self._rates(rows, of), np.ones(len(of), dtype=np.bool_)
-        return Asked(of, straight, straight.value - self.margins[of], rates, free)
+        """Return what is asked at q."""
+        rows, free = self._straight(here, pairs, inside), np.ones(len(pairs), dtype=np.bool_)
+        return Asked(pairs, rows, rows.value - self.margins[pairs], self._rates(here, pairs), free)
 
     def _floors(self, window: Window, time: float, inside: Rows) -> tuple[Array, Array]:
         """Return the floors of Δ and of the exact distances (P,) [m]: of pairs that are inside their margins the least
