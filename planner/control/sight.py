@@ -32,8 +32,8 @@ class Seen(NamedTuple):
 
     pairs: Rows  # within the horizon at q, or where the robot comes to rest
     here: BarrierRows  # of these at q, as they are
-    approach: Asked  # what the program asks at q of pairs that do not move: the first to be felt, but no guarantee
-    asked: tuple[Asked, ...]  # and for the guarantee: at rest, near ones exactly, and of what moves also at q
+    approach: Asked  # what the program asks at q: the first to be felt, but no guarantee
+    asked: tuple[Asked, Asked]  # and for the guarantee: at rest, near ones exactly
     floors: Array  # (P,) [m] of Δ, on the way to rest of any command
     near: Array  # (P,) [m] of the exact distance
     inside: Rows  # pairs inside their margins
@@ -78,19 +78,15 @@ class Sight:
         straight, floors = self._straight(rest, pairs, inside), self._floors(window, time, inside)
         free = barriers.coming | np.isneginf(floors[0])
         slack, rates = straight.value - self.margins[pairs], self._rates(rest, pairs)
-        guides = np.flatnonzero(~barriers.coming[pairs] & (not self.settings.as_published))
-        rates[guides[slack[guides] > 0.0]] *= AT_REST
-        asked = [
+        guided = pairs[:0] if self.settings.as_published else pairs
+        if len(guided):
+            rates[slack > 0.0] *= AT_REST
+        asked = (
             Asked(pairs, straight, slack, rates, free[pairs]),
             Asked(known, near, np.maximum(near.value - NEAR_DISTANCE, 0.0), np.full(len(known), rate), free[known]),
-        ]
-        coming = np.flatnonzero(barriers.coming[pairs])
-        if last and len(coming):
-            of = pairs[coming]
-            rows = self._straight(here.part(coming), of, inside)
-            asked.append(Asked(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding), free[of]))
-        approach = self._approach(here.part(guides), pairs[guides], inside)
-        return Seen(pairs, here, approach, tuple(asked), *floors, inside)
+        )
+        approach = self._approach(here.part(slice(len(guided))), guided, inside)
+        return Seen(pairs, here, approach, asked, *floors, inside)
 
     def _approach(self, here: BarrierRows, pairs: Rows, inside: Rows) -> Asked:
         """Return what is asked at q."""
