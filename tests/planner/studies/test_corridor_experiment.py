@@ -78,7 +78,7 @@ READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
 @pytest.mark.parametrize("passing", [False, True], ids=["between walls", "a ball that comes"])
 def test_limits_of_acceleration_make_commands_no_rougher(barriers: BarrierSettings, passing: bool) -> None:
     """Once under way, commands vary about as without limits. By rows of where the arm would come to rest alone they
-    shook at the greatest jerk: with 15 times the variation and thousands of times the energy above 5 Hz."""
+    shook at the greatest jerk: with 15 to 60 times the variation and thousands of times the energy above 5 Hz."""
     scene = corridor_scene()
     begin, found = START, []
     if passing:
