@@ -8,8 +8,9 @@ In every period T it solves, for the joint velocity u (n,) [rad/s or m/s],
 
 (paper, section IV-C; Ames et al., "Control barrier functions: theory and applications", ECC 2019). The barriers are
 those of the places where the robot can come to rest: the last command is an argument of `step`, and how the robot
-brakes from it is known (`braking`). Without limits of acceleration the rows are the paper's,
-∂Δ/∂q · u + ∂Δ/∂t ≥ −η (Δ − δ).
+brakes from it is known (`braking`). Where the robot is, the paper's rows are kept as well,
+∂Δ/∂q · u + ∂Δ/∂t ≥ −η (Δ − δ). These guide: their rate is a tenth of that of the others, so that they are felt first,
+and they are as smooth as the distance, whereas the others depend on how each joint brakes.
 
 For obstacles that stand still, η is η / (1 − (D̃_k/R)²) while the separation D̃_k is less than the horizon R, and from
 there on a pair has no row, so that only near pairs are examined. Δ_k ≥ δ_k is kept by any rate κ(q) ≥ 0 that is
@@ -267,14 +268,12 @@ class Controller:
         return Window(q, last, self.rates, self.robot.lower, self.robot.upper, self.settings.rate)
 
     def _constraints(self, window: Window, seen: Seen) -> SoftConstraints:
-        """Return the rows: of pairs where the robot comes to rest, of what moves also here, of joints beyond limits."""
+        """Return the rows: of pairs where the robot comes to rest, and here, and of joints beyond limits."""
         robot, coming = self.robot, self.barriers.coming
         base, here = window.brake[0], np.ones(robot.n)
         gains = window.gains[min(max(len(window.stopping) - 2, 0), len(window.gains) - 1)]
-        rows = [
-            pair_constraints(constraint, each, base, coming[constraint.pairs])
-            for constraint, each in zip(seen.constraints, (gains, gains, here), strict=False)
-        ]
+        rows = [pair_constraints(each, gains, base, coming[each.pairs]) for each in seen.constraints]
+        rows.append(pair_constraints(seen.approach, here, np.zeros(robot.n), coming[seen.approach.pairs]))
         beyond = np.maximum(window.q - robot.upper, robot.lower - window.q)  # [rad] or [m]
         rows.append(joint_constraints(self.settings.rate * beyond, window.q > robot.upper, self.rates.velocity, base))
         return reduce(SoftConstraints.with_rows, rows)

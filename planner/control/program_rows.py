@@ -8,7 +8,14 @@ derivatives there,
 with u_b the velocity that begins to brake: the barrier is one of the places where the robot can come to rest
 (backup barriers: Gurriet et al., "An online approach to active set invariance", CDC 2018). u_b keeps it for ever, if
 the obstacle stands still. A robot whose accelerations have no limit stops at once: then q_s = q, u_b = 0, w = 1.
-Moving obstacles ask the same at q and t, too.
+
+w_j grows with the speed of a joint, from 1 to over 100, and jumps where its acceleration changes sign: along such rows
+alone commands shake at the greatest jerk. So every pair also asks at q, with w = 1 and u_b = 0, for
+
+    ∂Δ/∂q · u + ∂Δ/∂t ≥ −η (Δ − δ),
+
+and outside of its margin η is `sight.AT_REST` times as large at q_s: there the row only acts where a robot is too fast
+to follow that at q. It guarantees Δ ≥ δ at any rate; the row at q has no floor.
 """
 
 from __future__ import annotations

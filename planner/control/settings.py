@@ -31,8 +31,8 @@ class ControlSettings(Checked):
     """In which time a joint reaches its greatest speed at the soonest, where its scene limits no acceleration [s]."""
     look_ahead: bool = True  # whether commands are checked on their way to rest
     as_published: bool = False
-    """Accept settings that are provably not safe, to show what they do; one rate for every pair, however far apart, and
-    no limits of acceleration but a scene's own."""
+    """Accept settings that are provably not safe, to show what they do; one rate for every pair, however far apart, the
+    paper's rows alone, and no limits of acceleration but a scene's own."""
 
     def _check_whole(self) -> None:
         if not self.as_published:

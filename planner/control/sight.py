@@ -1,5 +1,5 @@
 """The sight of a controller in one period: the distances of the pairs that are near, where the robot is and where it
-would come to rest, with the margin and the rate of each pair.
+would come to rest, with the margin and the rates of each pair.
 
 Inside a margin the HD-SDF's shaping is inverted (`barrier_safety.straightened`), as it gives no direction on its flat
 spot, and the exact distances of the links' hulls are seen, too.
@@ -22,6 +22,7 @@ from hdplan.planner.control.window import Window
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
 
+AT_REST = 10.0  # times η: the rate where the robot would come to rest, for pairs outside their margins
 CLOSELY = 5e-3  # [m] of travel between exact distances on the way to rest
 FREE = 1e-9  # share of a rate that leaves no row a bound: in place of 0, so that numbers stay finite
 
@@ -31,7 +32,8 @@ class Seen(NamedTuple):
 
     pairs: Rows  # within the horizon at q, or where the robot comes to rest
     here: BarrierRows  # of these at q, as they are
-    constraints: tuple[BarrierConstraint, ...]  # at rest, near ones exactly, and of what moves also at q
+    approach: BarrierConstraint  # what the program asks at q: the first to be felt, but no guarantee
+    constraints: tuple[BarrierConstraint, BarrierConstraint]  # and for the guarantee: at rest, near ones exactly
     floors: Array  # (P,) [m] of Δ, on the way to rest of any command
     near: Array  # (P,) [m] of the exact distance
     inside: Rows  # pairs inside their margins
@@ -75,22 +77,23 @@ class Sight:
         known = inside[: len(near.value)]
         straight, floors = self._straight(rest, pairs, inside), self._floors(window, time, inside)
         free = barriers.coming | np.isneginf(floors[0])
-        constraints = [
-            BarrierConstraint(
-                pairs, straight, straight.value - self.margins[pairs], self._rates(rest, pairs), free[pairs]
-            ),
+        slack, rates = straight.value - self.margins[pairs], self._rates(rest, pairs)
+        guided = pairs[:0] if self.settings.as_published else pairs
+        if len(guided):
+            rates[slack > 0.0] *= AT_REST
+        constraints = (
+            BarrierConstraint(pairs, straight, slack, rates, free[pairs]),
             BarrierConstraint(
                 known, near, np.maximum(near.value - NEAR_DISTANCE, 0.0), np.full(len(known), rate), free[known]
             ),
-        ]
-        coming = np.flatnonzero(barriers.coming[pairs])
-        if last and len(coming):
-            of = pairs[coming]
-            rows = self._straight(here.part(coming), of, inside)
-            constraints.append(
-                BarrierConstraint(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding), free[of])
-            )
-        return Seen(pairs, here, tuple(constraints), *floors, inside)
+        )
+        approach = self._approach(here.part(slice(len(guided))), guided, inside)
+        return Seen(pairs, here, approach, constraints, *floors, inside)
+
+    def _approach(self, here: BarrierRows, pairs: Rows, inside: Rows) -> BarrierConstraint:
+        """Return the rows of pairs at q."""
+        rows, free = self._straight(here, pairs, inside), np.ones(len(pairs), dtype=np.bool_)
+        return BarrierConstraint(pairs, rows, rows.value - self.margins[pairs], self._rates(here, pairs), free)
 
     def _floors(self, window: Window, time: float, inside: Rows) -> tuple[Array, Array]:
         """Return the floors of Δ and of the exact distances (P,) [m]: of pairs that are inside their margins the least

@@ -50,7 +50,8 @@ def test_commands_take_a_job_or_refuse_it(command: Command) -> None:
         assert "job: holds several motions" in err, line
     code, out, _ = command("simulate job.yaml motion.json")
     assert (code, out.splitlines()[0]) == (0, "replayed: all 2 stages, within all limits of the scene")
-    unknown = "obstacles: [{shape: {type: sphere, radius: 0.1}, pose: {position: [2, 0, 0]}, uncertainty: {position: 0.01}}]\n"
+    ball = "shape: {type: sphere, radius: 0.1}, pose: {position: [2, 0, 0]}"
+    unknown = f"obstacles: [{{{ball}, uncertainty: {{position: 0.01}}}}]\n"
     Path("unknown.yaml").write_text(SCENE.replace("start:", unknown + "start:"), encoding="utf-8")
     code, out, _ = command("simulate unknown.yaml motion.json")
     said = "; in the nominal world, without obstacles[0].uncertainty.position"
