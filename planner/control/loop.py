@@ -150,23 +150,23 @@ class Loop:
             )
         commands: list[Command] = []
         failed: list[Exception] = []
-        asked: Future[Command] | None = None
+        pending: Future[Command] | None = None
 
         def reference(t: float) -> tuple[Array, Array] | None:
-            nonlocal due, asked
+            nonlocal due, pending
             now = began + t
             over = bool(failed) or (bool(commands) and (t >= seconds or commands[-1].mode is Mode.ARRIVED))
-            if over and asked is None and now >= commands[-1].time + (commands[-1].motion.duration or 0.0):
+            if over and pending is None and now >= commands[-1].time + (commands[-1].motion.duration or 0.0):
                 return None
             try:
-                if asked is None and not over and t >= due - 0.5 * period:
+                if pending is None and not over and t >= due - 0.5 * period:
                     if see is not None:
                         see(now)
                     if commands:
                         replanner.state(*self.arm.state(), at=now)
-                    asked, due = beside.submit(replanner.step, now), max(due + replanner.period, t)
-                if asked is not None and self._awaited(asked, now + WAITS * period if commands else np.inf):
-                    step, asked = asked, None
+                    pending, due = beside.submit(replanner.step, now), max(due + replanner.period, t)
+                if pending is not None and self._awaited(pending, now + WAITS * period if commands else np.inf):
+                    step, pending = pending, None
                     command = step.result()
                     if not commands or self._joins(commands[-1], command, now, replanner.lags):
                         commands.append(command)
@@ -183,12 +183,12 @@ class Loop:
             raise failed[0]
         return done
 
-    def _awaited(self, asked: Future[Command], until: float) -> bool:
+    def _awaited(self, pending: Future[Command], until: float) -> bool:
         """Return whether a step is done, once it is, or once the arm's clock comes to a time: a simulated one stands
         still until then, and a real arm needs its next reference."""
-        while not asked.done() and self.arm.time() < until:
-            wait([asked], LOOKS)
-        return asked.done()
+        while not pending.done() and self.arm.time() < until:
+            wait([pending], LOOKS)
+        return pending.done()
 
     def _joins(self, old: Command, new: Command, now: float, lags: Array) -> bool:
         """Return whether the arm may go over to a new command: where both are the same, or both stand, and the arm is

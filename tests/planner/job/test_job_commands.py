@@ -54,8 +54,8 @@ def test_commands_take_a_job_or_refuse_it(command: Command) -> None:
     unknown = f"obstacles: [{{{ball}, uncertainty: {{position: 0.01}}}}]\n"
     Path("unknown.yaml").write_text(SCENE.replace("start:", unknown + "start:"), encoding="utf-8")
     code, out, _ = command("simulate unknown.yaml motion.json")
-    said = "; in the nominal world, without obstacles[0].uncertainty.position"
-    assert (code, out.splitlines()[0].endswith(f"limits of the scene{said}")) == (0, True)
+    nominal = "; in the nominal world, without obstacles[0].uncertainty.position"
+    assert (code, out.splitlines()[0].endswith(f"limits of the scene{nominal}")) == (0, True)
     code, out, _ = command("simulate job.yaml motion.json --json")
     assert (code, [each["kind"] for each in json.loads(out)["stages"]]) == (0, ["line", "wait"])
     code, _, err = command("simulate job.yaml motion.json --plot rates.png")
