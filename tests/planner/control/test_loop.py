@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import time
+import threading
 
 import numpy as np
 import pytest
@@ -23,12 +23,14 @@ class Clocked:
     def __init__(self, names: tuple[str, ...], at: Floats) -> None:
         self.joint_names, self.period, self.now, self.due = names, 0.002, 0.0, 0.0
         self.q, self.v, self.goes_on = at.copy(), np.zeros_like(at), False
-        self.stopped = False
+        self.stopped, self.ticks = False, threading.Condition()
         self.sent: list[tuple[float, Floats, Floats]] = []
 
     def time(self) -> float:
         if self.goes_on:
-            self.now += 2e-4
+            with self.ticks:
+                self.now += 2e-4
+                self.ticks.notify_all()
         return self.now
 
     def state(self) -> tuple[Floats, Floats]:
@@ -58,11 +60,10 @@ def test_references_go_on_while_a_step_computes_and_commands_that_come_too_late_
             count += 1
             command, late = step(t), count % 40 == 20
             passed += late and command.mode.value == "moving"
-            until, patience = t + (0.09 if late else STEP), time.monotonic() + 10.0
+            until = t + (0.09 if late else STEP)
             arm.goes_on = count > 1  # the first one is awaited
-            while arm.goes_on and arm.now < until:
-                assert time.monotonic() < patience, "the loop stands still while the step computes"
-                time.sleep(1e-4)
+            with arm.ticks:
+                assert not arm.goes_on or arm.ticks.wait_for(lambda: arm.now >= until, 10.0), "the loop stands still"
             arm.goes_on = False
             return command
 
