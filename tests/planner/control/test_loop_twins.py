@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box, Capsule
+from hdplan.scenes.shapes import Box, Capsule, Ellipsoid
 from hdplan.scenes.targets import JointTarget
 
 from ..linkage import linkage_urdf
@@ -170,7 +171,12 @@ def test_joints_that_follow_others(tmp_path: Path) -> None:
 
 def test_depths_do_not_depend_on_the_samples_before(robot: Robot) -> None:
     """Where the robot stands still on its whole way, no pair in contact falls: depths are exact to 1e-9 m only."""
-    controller, rng = Controller.of(crowded(), EUCLIDEAN, robot), np.random.default_rng(5)
+    rng = np.random.default_rng(5)
+    eggs = [
+        Obstacle(f"egg{k}", Ellipsoid(rng.uniform(0.05, 0.3, 3)), Pose(rng.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 0.9))))
+        for k in range(8)
+    ]
+    controller = Controller.of(replace(crowded(), obstacles=tuple(eggs)), EUCLIDEAN, robot)
     every, next_one = np.arange(controller.barriers.count), np.zeros(controller.barriers.count, np.int64)
     for q in robot.draw(rng, 12):
         path = np.vstack([q + rng.normal(size=(3, robot.n)) * 0.01, [q]])
