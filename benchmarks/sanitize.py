@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SUITES = (
     "tests/distance/test_border.py",
     "tests/planner/test_loop_twins.py",
+    "tests/planner/control/test_loop_twins.py",
     "tests/planner/problem/test_loops.py",
     "tests/planner/motion/test_reach_loop.py",
     "tests/planner/collision/test_broad_phase.py",

@@ -75,7 +75,7 @@ static limits limits_of(const joints* of, long long k) {
   return (limits){of->most[joint], of->period * of->jerk[joint], of->period};
 }
 
-/* In how many periods all come to rest, at most; −1 if that is no number. */
+/* In how many periods all come to rest, at most; MOST_PERIODS if they are more, or if that is no number. */
 static long long periods_of(const joints* of) {
   double seconds = 0.0;
   for (long long k = 0; k < of->states * of->n; ++k) {
@@ -84,7 +84,7 @@ static long long periods_of(const joints* of) {
     if (!(each <= seconds)) seconds = each;
   }
   const double periods = ceil(seconds / of->period) + SPARE;
-  return periods >= 0.0 && periods < MOST_PERIODS ? (long long)periods : -1;
+  return periods < MOST_PERIODS ? (long long)periods : MOST_PERIODS;
 }
 
 /* The velocities (periods, states, n) of all. */
@@ -127,7 +127,6 @@ WRAPPER(call_braked) {
   long long periods = 0;
   if (ready(&taken)) {
     periods = periods_of(&of);
-    if (periods < 0) wrong(&taken, "velocity", "one from which the joints come to rest");
     if (periods <= room) WITHOUT_LOCK(brake_all(&of, periods, found));
   }
   return ended(&taken, PyLong_FromLongLong(periods));

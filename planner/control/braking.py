@@ -25,11 +25,13 @@ import numpy as np
 
 from hdplan.distance.compiled.loops import library
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError
 
 REST = 1e-12  # [rad/s or m/s] that a joint at rest may still move, by rounding
 USED_SHARE = 1.0 - 1e-6  # share of each limit that is used, so that rounding exceeds none
 ROUNDED = {2: 32.0, 3: 128.0}  # times ulp/Tᵏ of the positions: what their rounding adds to accelerations and jerks
 FIRST_PERIODS = 64  # for which there is room at first
+MOST_PERIODS = 10_000  # in which joints come to rest: a way of more samples takes seconds to check
 JERK_TIME = 0.1  # share of the time in which the greatest velocity is reached, for the greatest acceleration
 
 
@@ -112,7 +114,7 @@ class Rates:
 
     def braked(self, velocity: Array, acceleration: Array) -> Array:
         """Return the velocities (K, ..., n) of the K periods in which joints of these velocities and accelerations
-        (..., n) come to rest."""
+        (..., n) come to rest. Raises InputError for more than MOST_PERIODS."""
         loops = library()
         return self._braked(velocity, acceleration) if loops is None else self._braked_by(loops, velocity, acceleration)
 
@@ -125,7 +127,7 @@ class Rates:
             count = loops.braked(self.period, self.acceleration, self.jerk, *states, found)
             if count <= room:
                 return found[:count].reshape(count, *velocity.shape)
-            room = count
+            room = _allowed(count)
 
     def _braked(self, velocity: Array, acceleration: Array) -> Array:
         """Return the same in NumPy."""
@@ -153,7 +155,17 @@ class Rates:
         """Return in how many periods joints come to rest, at most: to zero acceleration, then from `rest`."""
         most, jerk = self.acceleration, self.jerk
         seconds = np.where(rest * jerk < most**2, 2.0 * np.sqrt(rest / jerk), rest / most + most / jerk)
-        return int(np.ceil((np.abs(acceleration) / jerk + seconds).max() / self.period)) + 3
+        return _allowed(np.ceil((np.abs(acceleration) / jerk + seconds).max() / self.period) + 3)
+
+
+def _allowed(periods: float) -> int:
+    """Return a number of periods as it is. Raises InputError for more than MOST_PERIODS."""
+    if not periods <= MOST_PERIODS:
+        raise InputError(
+            f"last: from its velocity and acceleration joints come to rest in {periods:.3g} periods, at most "
+            f"{MOST_PERIODS} are allowed"
+        )
+    return int(periods)
 
 
 def _root(shares: Array) -> Array:

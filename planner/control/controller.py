@@ -49,7 +49,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hdplan.planner.control.barriers import Barriers, setup_barriers
-from hdplan.planner.control.braking import Command, Rates
+from hdplan.planner.control.braking import MOST_PERIODS, Command, Rates
 from hdplan.planner.control.look_ahead import LookAhead, Mode
 from hdplan.planner.control.moment import BarrierRows
 from hdplan.planner.control.program_rows import joint_constraints, pair_constraints
@@ -131,7 +131,8 @@ class Controller:
     ) -> None:
         """Take the pairs; the settings' barriers must be those with which `barriers` were made. limits: the greatest
         velocity, acceleration and jerk (n,), by name; `braking.Rates.of` replaces missing ones; the velocity
-        is the URDF's by default. setup: whose pairs they are, for `update`. Raises InputError for invalid limits."""
+        is the URDF's by default. setup: whose pairs they are, for `update`. Raises InputError for invalid limits, and
+        for limits from which joints brake for more than `braking.MOST_PERIODS`."""
         self.robot, self.barriers, self.settings = robot, barriers, settings
         self.setup, self._limits = setup, limits
         self.sight = Sight(barriers, settings)
@@ -145,6 +146,13 @@ class Controller:
         farthest = np.maximum(np.abs(robot.inner[0]), np.abs(robot.inner[1]))
         rise = 0.0 if settings.as_published else settings.rise
         self.rates = Rates.of(found, settings.period, rise, np.minimum(farthest, FAR))
+        try:
+            self.rates.braked(self.rates.velocity, np.zeros(robot.n))
+        except InputError:
+            raise InputError(
+                f"control.period: {settings.period:g} s is too short for these limits of acceleration and jerk: from "
+                f"full speed joints brake for more than {MOST_PERIODS} periods"
+            ) from None
 
     def __repr__(self) -> str:
         """Say for which robot it is, and what it keeps apart."""
@@ -214,7 +222,8 @@ class Controller:
         `tasks.together`.
 
         Raises InputError, before anything is commanded, for a q, a time, a command or a task's objective that is not
-        finite or has a wrong shape.
+        finite or has a wrong shape, and for a last command from which joints brake for more than
+        `braking.MOST_PERIODS`.
         """
         joints = self.robot.joint_names
         q, time = joint_numbers("q", q, joints), checked(Number(unit="s"), time, "time")

@@ -176,6 +176,7 @@ WRAPPER(call_lows_near) {
   const tables* near = record(&taken, "near", "tables");
   of.first = whole(&taken, "first", 0, MANY);
   if (near && of.of && near->pairs != of.of->pairs->pairs) wrong(&taken, "near", "the same pairs");
+  if (near && near->joints > of.joints) wrong(&taken, "near", "pairs of joints that have placements");
   if (near && of.first + near->pairs > of.numbers) wrong(&taken, "first", "that of pairs with floors");
   const double least = number(&taken, "least");
   take_lows(&taken, &found);

@@ -19,6 +19,7 @@ from hdplan.planner.control.window import Window
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
@@ -168,3 +169,14 @@ def test_what_is_executed_of_commands_at_the_limits_keeps_them_however_close_its
     assert executed.times is not None
     assert np.ptp(np.diff(executed.times)) == 0.0
     assert executed.times[-1] - begin == pytest.approx((len(executed.times) - 1) * period, rel=1e-9)
+
+
+def test_braking_that_would_take_too_long_is_refused(robot: Robot) -> None:
+    """A measured velocity that is no robot's gives one line, not a step of minutes; so do periods that are too short,
+    before the robot moves."""
+    controller, q = Controller.of(walls(), robot=robot), np.array(READY)
+    for last in (Command(np.full(7, 1e3), np.zeros(7)), Command(np.zeros(7), np.full(7, 1e5))):
+        with pytest.raises(InputError, match=r"^last: .* periods, at most 10000 are allowed$"):
+            controller.step(q, standing(q), last=last)
+    with pytest.raises(InputError, match=r"^control.period: 1e-06 s is too short"):
+        Controller.of(walls(), ControlSettings(period=1e-6), robot)

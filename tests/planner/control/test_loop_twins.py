@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.braking import Command, Rates
 from hdplan.planner.control.controller import Controller
 from hdplan.planner.control.lows import Floors, Lows, lows_among, lows_near, lows_of_hulls
+from hdplan.planner.control.moment import NONE
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.tasks import standing
 from hdplan.planner.robot.robot import Robot
@@ -26,9 +28,10 @@ from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box, Capsule
+from hdplan.scenes.shapes import Box, Capsule, Ellipsoid
 from hdplan.scenes.targets import JointTarget
 
+from ..linkage import linkage_urdf
 from .test_braking import READY
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
@@ -150,3 +153,36 @@ def test_commands(settings: ControlSettings, robot: Robot) -> None:
             q, last = q + settings.period * step.velocity, step.command
             modes.add(step.mode)
     assert len(modes) > 1
+
+
+def test_joints_that_follow_others(tmp_path: Path) -> None:
+    """The look-ahead knows the planned joints only, and corrects by their derivatives."""
+    box = Obstacle("box", Box((0.3, 0.3, 0.3)), Pose((0.9, 0.0, 1.2)))
+    ends = JointTarget("start", (0.0,) * 5), JointTarget("goal", (0.0,) * 5)
+    controller = Controller.of(Scene("lifter", tmp_path, RobotSpec(urdf=linkage_urdf(tmp_path)), (box,), *ends))
+    at = controller.barriers.at(np.zeros((1, 5)), np.zeros(1))
+    floors = Floors(np.full(controller.barriers.count, 0.5), controller.sight.next, NONE, 0.0)
+    found = lows_near(at, (1.0, 1.0), None, floors)
+    with twins():
+        same(found, lows_near(at, (1.0, 1.0), None, floors))
+    assert found.gradient.shape == (len(found.pair), 5)
+    assert len(found.pair)
+
+
+def test_depths_do_not_depend_on_the_samples_before(robot: Robot) -> None:
+    """Where the robot stands still on its whole way, no pair in contact falls: depths are exact to 1e-9 m only."""
+    rng = np.random.default_rng(5)
+    eggs = [
+        Obstacle(f"egg{k}", Ellipsoid(rng.uniform(0.05, 0.3, 3)), Pose(rng.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 0.9))))
+        for k in range(8)
+    ]
+    controller = Controller.of(replace(crowded(), obstacles=tuple(eggs)), EUCLIDEAN, robot)
+    every, next_one = np.arange(controller.barriers.count), np.zeros(controller.barriers.count, np.int64)
+    for q in robot.draw(rng, 12):
+        path = np.vstack([q + rng.normal(size=(3, robot.n)) * 0.01, [q]])
+        at = controller.barriers.at(path, np.zeros(len(path)))
+        floors = Floors(np.full(len(every), 1.0), next_one, NONE, 0.0)
+        alone = lows_of_hulls(at, np.array([3]), every, floors)
+        floors.values[alone.pair] += alone.over
+        after = lows_of_hulls(at, np.arange(4), every, floors._replace(lower=-1e-12))
+        assert not (after.sample == 3).any()
