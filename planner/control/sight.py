@@ -89,7 +89,7 @@ class Sight:
         return Seen(pairs, here, approach, asked, *floors, inside)
 
     def _approach(self, here: BarrierRows, pairs: Rows, inside: Rows) -> Asked:
-        """Return what is asked at q."""
+        """Return the rows of the program at q."""
         rows, free = self._straight(here, pairs, inside), np.ones(len(pairs), dtype=np.bool_)
         return Asked(pairs, rows, rows.value - self.margins[pairs], self._rates(here, pairs), free)
 
