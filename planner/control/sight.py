@@ -91,7 +91,7 @@ class Sight:
         return Seen(pairs, here, approach, constraints, *floors, inside)
 
     def _approach(self, here: BarrierRows, pairs: Rows, inside: Rows) -> BarrierConstraint:
-        """Return the rows of pairs at q."""
+        """Return the rows of the program at q."""
         rows, free = self._straight(here, pairs, inside), np.ones(len(pairs), dtype=np.bool_)
         return BarrierConstraint(pairs, rows, rows.value - self.margins[pairs], self._rates(here, pairs), free)
 
