@@ -66,28 +66,29 @@ def run_view(
 
     from hdplan.planner.view.server import open_viewer  # needs viser
 
-    with until_ctrl_c(), contextlib.ExitStack() as loading:
+    with contextlib.ExitStack() as loading:
         loading.enter_context(waiting(LOADING))
+        arm = load_scene_robot(problem)
 
         def found(viewer: Served) -> None:
             loading.close()
             _tell(problem, viewer, host, port, share)
 
-        arm = load_scene_robot(problem)
-        viewer = open_viewer(
-            problem, motions, robot=arm, host=host, port=port, share=share, complain=complain, found=found
-        )
-        with contextlib.closing(viewer):
-            if read is not None:
-                viewer.show_proof(read)
-            files = [find_scene(scene), *([] if request is None else [request])]
-            watch = viewer.panel.opening.follow(
-                lambda: load_scene(scene, request=request, robot=robot),
-                files,
-                [(name, file) for (name, _), file in zip(motions, trajectories, strict=True)],
+        with until_ctrl_c():
+            viewer = open_viewer(
+                problem, motions, robot=arm, host=host, port=port, share=share, complain=complain, found=found
             )
-            with contextlib.closing(watch):
-                threading.Event().wait()
+            with contextlib.closing(viewer):
+                if read is not None:
+                    viewer.show_proof(read)
+                files = [find_scene(scene), *([] if request is None else [request])]
+                watch = viewer.panel.opening.follow(
+                    lambda: load_scene(scene, request=request, robot=robot),
+                    files,
+                    [(name, file) for (name, _), file in zip(motions, trajectories, strict=True)],
+                )
+                with contextlib.closing(watch):
+                    threading.Event().wait()
     return 0
 
 

@@ -19,8 +19,9 @@ from hdplan.planner.control.pair_level import PairLevel
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.once import read_only
 
-NONE = np.empty(0, np.int64)
+NONE = read_only(np.empty(0, np.int64))
 Distance = Callable[[KinematicsBatch, Rows, Rows], tuple[Array, Array, Array]]  # as `PairDistance` is called
 
 

@@ -22,6 +22,7 @@ from hdplan.planner.geometry.meshes import FLAT_RATIO, ReadMesh, TriangleMesh, t
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.lazy_imports import LazyModule
+from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Shape, Sphere, own_fields
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ ROUND_SIDES = 16  # of the prism around a cylinder
 
 
 @dataclass(frozen=True, eq=False)
-class Swept:
+class Swept(ReadOnly):
     """A convex body: the hull of vertices (m, 3), swept by a disc normal to z, an ellipsoid along the axes and a ball
     [m]."""
 
