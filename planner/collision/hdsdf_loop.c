@@ -208,6 +208,15 @@ double hdsdf(int gamma, double length, const double* b, const link_body* body, c
   return distance;
 }
 
+double hdsdf_of_pair(const tables* of, int gamma, double length, long long pair, const double* frames, projection* at,
+                     double* separation, double* wrench) {
+  const double *a = frames + 12 * of->joint_a[pair], *b = frames + 12 * of->joint_b[pair];
+  const link_body body = body_of(of, pair);
+  const halfspaces planes = planes_of(of, pair);
+  *separation = project(a, b, &body, &planes, at);
+  return hdsdf(gamma, length, b, &body, &planes, *separation, at, wrench);
+}
+
 /* Rows (sample, pair), `count` of them, of placements (batch, joints, 12). */
 typedef struct {
   const tables* of;
@@ -222,13 +231,9 @@ static int hdsdf_rows(const asked_rows* asked, int gamma, double length, double*
   projection found;
   if (make_projection(asked->of, &found)) return -1;
   for (long long row = 0; row < asked->count; ++row) {
-    const long long pair = asked->pairs[row];
     const double* frames = asked->placements + 12 * asked->samples[row] * asked->joints;
-    const double *a = frames + 12 * asked->of->joint_a[pair], *b = frames + 12 * asked->of->joint_b[pair];
-    const link_body body = body_of(asked->of, pair);
-    const halfspaces planes = planes_of(asked->of, pair);
-    separation[row] = project(a, b, &body, &planes, &found);
-    distance[row] = hdsdf(gamma, length, b, &body, &planes, separation[row], &found, wrench + 6 * row);
+    distance[row] = hdsdf_of_pair(asked->of, gamma, length, asked->pairs[row], frames, &found, separation + row,
+                                  wrench + 6 * row);
   }
   free(found.points);
   return 0;

@@ -19,7 +19,7 @@ from hdplan.planner.replanning.command import Command, Mode
 from hdplan.planner.replanning.replanner import Replanner
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, listed
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.sizes import Tracking
 from hdplan.scenes.values import Number, checked, functions, instance
 
@@ -33,7 +33,7 @@ Reference = Callable[[float], tuple[Array, Array] | None]
 
 
 @dataclass(frozen=True, eq=False)
-class Executed:
+class Executed(ReadOnly):
     """The motion of an arm as it was measured: one row for every period."""
 
     joint_names: tuple[str, ...]  # (n,)
@@ -44,10 +44,6 @@ class Executed:
     velocity_errors: Array  # (k, n)
     why: str  # it was stopped before its end; empty if it was not
     commands: tuple[Command, ...] = ()  # of each step of a replanner
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     @property
     def tracking(self) -> Tracking:

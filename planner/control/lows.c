@@ -18,7 +18,7 @@ typedef struct {
   double length;
 } barrier;
 
-/* What is asked of pairs, the first of which has the number `first`: `next` says of which only the first sample counts;
+/* A query of pairs, the first of which has the number `first`: `next` says of which only the first sample counts;
    those `inside` are straightened and shifted by `bent`. Wanted are pairs that are lower than their floors by `lower`. */
 typedef struct {
   const barrier* of;
@@ -26,7 +26,7 @@ typedef struct {
   const long long *next, *inside;
   const double *placements, *floors, *bent;
   double lower;
-} asked;
+} query;
 
 /* What was found: of each pair by how much it is above its floor where it is lowest, where that is, and the wrench. */
 typedef struct {
@@ -36,14 +36,14 @@ typedef struct {
 
 /* A search: the pair that was looked at last, with where it is lowest so far; and room to project on planes. */
 typedef struct {
-  const asked* asked;
+  const query* query;
   lows* found;
   long long pair, sample;
   double value, wrench[6];
   projection room;
 } search;
 
-static int is_inside(const asked* of, long long pair) {
+static int is_inside(const query* of, long long pair) {
   for (long long k = 0; k < of->insides; ++k)
     if (of->inside[k] == pair) return 1;
   return 0;
@@ -51,7 +51,7 @@ static int is_inside(const asked* of, long long pair) {
 
 /* Keep the pair that was looked at last if it is low. Undoing the shaping keeps the order of its distances. */
 static void finish(search* at) {
-  const asked* of = at->asked;
+  const query* of = at->query;
   lows* found = at->found;
   double value = at->value, slope = 1.0;
   if (at->pair < 0 || !(value < INFINITY)) return;
@@ -70,22 +70,19 @@ static void finish(search* at) {
 /* Δ of a pair of the tables at a sample; its wrench goes to `wrench`. No sample begins where another ended: depths are
    exact to 1e-9 m, and of a pair that does not move they must not differ from sample to sample. */
 static double distance_of(search* at, long long sample, long long pair, double floor, double* wrench) {
-  const barrier* of = at->asked->of;
-  const double* frames = at->asked->placements + 12 * sample * at->asked->joints;
+  const barrier* of = at->query->of;
+  const double* frames = at->query->placements + 12 * sample * at->query->joints;
   if (of->solids) {
     double normal[3] = {0.0, 0.0, 1.0};
     return exact(of->solids, of->pairs, pair, frames, floor, normal, wrench);
   }
-  const double *a = frames + 12 * of->pairs->joint_a[pair], *b = frames + 12 * of->pairs->joint_b[pair];
-  const link_body body = body_of(of->pairs, pair);
-  const halfspaces planes = planes_of(of->pairs, pair);
-  const double apart = project(a, b, &body, &planes, &at->room);
-  return hdsdf((int)of->gamma, of->length, b, &body, &planes, apart, &at->room, wrench);
+  double separation;
+  return hdsdf_of_pair(of->pairs, (int)of->gamma, of->length, pair, frames, &at->room, &separation, wrench);
 }
 
 /* Look at a row of pair `number`, `pair` of the tables; rows of one pair come after each other. */
 static void look(search* at, long long sample, long long number, long long pair) {
-  const asked* of = at->asked;
+  const query* of = at->query;
   double wrench[6];
   if (number != at->pair) {
     finish(at);
@@ -104,12 +101,12 @@ static void look(search* at, long long sample, long long number, long long pair)
 static void look_at_row(void* given, long long sample, long long pair, double apart, projection* of) {
   search* at = given;
   (void)apart, (void)of;
-  look(at, sample, at->asked->first + pair, pair);
+  look(at, sample, at->query->first + pair, pair);
 }
 
 /* The lows of pairs that no plane of `near` separates, at `batch` samples. Returns 0, or −1 without memory. */
-static int lows_near(const asked* of, const tables* near, long long batch, double least, lows* found) {
-  search at = {.asked = of, .found = found, .pair = -1};
+static int lows_near(const query* of, const tables* near, long long batch, double least, lows* found) {
+  search at = {.query = of, .found = found, .pair = -1};
   if (make_projection(of->of->pairs, &at.room)) return -1;
   const int failed = visit(near, batch, of->joints, of->placements, NULL, near->reach, least, look_at_row, &at);
   finish(&at);
@@ -118,9 +115,9 @@ static int lows_near(const asked* of, const tables* near, long long batch, doubl
 }
 
 /* The lows of pairs (count), `rows` of the tables, among samples. Returns 0, or −1 without memory. */
-static int lows_among(const asked* of, long long sampled, const long long* samples, long long count,
+static int lows_among(const query* of, long long sampled, const long long* samples, long long count,
                       const long long* pairs, const long long* rows, lows* found) {
-  search at = {.asked = of, .found = found, .pair = -1};
+  search at = {.query = of, .found = found, .pair = -1};
   if (make_projection(of->of->pairs, &at.room)) return -1;
   for (long long k = 0; k < count; ++k)
     for (long long i = 0; i < sampled; ++i) look(&at, samples[i], pairs[k], rows[k]);
@@ -143,7 +140,7 @@ WRAPPER(make_barrier) {
 }
 
 /* What both functions take of the pairs; there are as many as floors. */
-static long long take_pairs(arguments* taken, asked* of) {
+static long long take_pairs(arguments* taken, query* of) {
   of->of = record(taken, "barrier", "barrier");
   of->placements = numbers(taken, "placements", SHAPE(ANY, ANY, 12));
   const long long batch = taken->shape[0];
@@ -169,7 +166,7 @@ static void take_lows(arguments* taken, lows* found) {
 
 WRAPPER(call_lows_near) {
   arguments taken = begin("lows_near", given, count);
-  asked of = {0};
+  query of = {0};
   lows found = {0};
   int failed = 0;
   const long long batch = take_pairs(&taken, &of);
@@ -186,17 +183,17 @@ WRAPPER(call_lows_near) {
 
 WRAPPER(call_lows_among) {
   arguments taken = begin("lows_among", given, count);
-  asked of = {0};
+  query of = {0};
   lows found = {0};
   int failed = 0;
   const long long batch = take_pairs(&taken, &of);
   const long long* samples = indices(&taken, "at", 0, batch, SHAPE(ANY));
   const long long sampled = taken.shape[0];
   const long long* pairs = indices(&taken, "of", 0, of.numbers, SHAPE(ANY));
-  const long long asked_pairs = taken.shape[0];
-  const long long* rows = indices(&taken, "rows", 0, of.of ? of.of->pairs->pairs : 0, SHAPE(asked_pairs));
+  const long long looked_at = taken.shape[0];
+  const long long* rows = indices(&taken, "rows", 0, of.of ? of.of->pairs->pairs : 0, SHAPE(looked_at));
   take_lows(&taken, &found);
-  if (ready(&taken)) WITHOUT_LOCK(failed = lows_among(&of, sampled, samples, asked_pairs, pairs, rows, &found));
+  if (ready(&taken)) WITHOUT_LOCK(failed = lows_among(&of, sampled, samples, looked_at, pairs, rows, &found));
   return ended(&taken, failed ? no_memory() : PyLong_FromLongLong(found.count));
 }
 

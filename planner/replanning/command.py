@@ -13,7 +13,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import as_numbers
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.values import describe
 
 
@@ -27,7 +27,7 @@ class Mode(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Command:
+class Command(ReadOnly):
     """A motion from now until the robot stands, proven whole: to execute it to its end is safe, whether or not another
     command follows."""
 
@@ -41,10 +41,6 @@ class Command:
     clearance: float | None  # [m] proven for the motion, less what is unknown: at least; None for a robot that stands
     picture: float  # [s] when the picture was taken against which the motion was proven last
     seconds: float  # that the step took
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     def __repr__(self) -> str:
         """Say the mode, and why."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 
 STILL = 1e-9  # [rad] or [m] between two rows, and their rates per second: the robot stands
 Rows = tuple[
@@ -105,16 +105,12 @@ class Nominal:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class Course(ReadOnly):
     """A nominal motion, and the law by which the motion that is held drives it."""
 
     nominal: Nominal
     first: int  # row of the clock at which the law begins
     law: Array  # (k, 3) s, ṡ, s̈ at rows of the clock; the last one holds afterwards
-
-    def __post_init__(self) -> None:
-        """Share the law read-only."""
-        freeze(self)
 
     def at(self, row: int) -> Array:
         """Return s, ṡ and s̈ (3,) at a row of the clock."""

@@ -24,7 +24,7 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import Stamps, read_file
 from hdplan.scenes.lazy_imports import trimesh
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 
 Color = tuple[int, int, int]  # red, green, blue, 0 to 255
 
@@ -33,16 +33,12 @@ SAME_REACH = 1e-5  # part of its size by which a mesh may reach farther, or less
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Part(ReadOnly):
     """A part of a mesh file that has one colour, as browsers light it (`creases`)."""
 
     vertices: NDArray[np.float32]  # (m, 3)
     triangles: NDArray[np.uint32]  # (F, 3)
     color: Color | None  # None: the file says none
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     @classmethod
     def of(cls, vertices: Array, triangles: Rows, color: Color | None = None) -> Part:

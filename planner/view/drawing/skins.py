@@ -37,7 +37,7 @@ from hdplan.scenes.errors import InputError, listed, naming
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.lazy_imports import trimesh
 from hdplan.scenes.obstacles import Obstacle, Seen
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.poses import Vector3
 from hdplan.scenes.robot_files.library import source_of
 from hdplan.scenes.robot_files.packages import Packages
@@ -59,7 +59,7 @@ Triangles = tuple[Array, NDArray[np.uint32]]
 
 
 @dataclass(frozen=True, eq=False)
-class Skin:
+class Skin(ReadOnly):
     """Triangles of one colour."""
 
     link: str
@@ -67,10 +67,6 @@ class Skin:
     vertices: NDArray[np.float32]  # (m, 3) in the joint's frame
     triangles: NDArray[np.uint32]  # (F, 3)
     color: Color
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
 
 def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple[str, ...]]:
