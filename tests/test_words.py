@@ -15,7 +15,8 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NOTEBOOKS = sorted((ROOT / "docs" / "tutorial").glob("*.ipynb"))
-ROOMS = {name: ROOT / name for name in ("scenes", "distance", "planner")} | {"verify": ROOT / "src/hdplan/verify"}
+ROOMS = {name: ROOT / name for name in ("scenes", "distance", "planner", "tests", "benchmarks")}
+ROOMS["verify"] = ROOT / "src/hdplan/verify"
 
 # A sentence, or a part of it before a mark, that ends in a preposition; and words that belong to talk between people.
 ENDS = re.compile(
@@ -23,7 +24,8 @@ ENDS = re.compile(
 )
 TALK = re.compile(r"\b(asked|said|told|in vain|brought along|as well it|look for at|stands? there twice)\b", re.I)
 FENCED = re.compile(r"```.*?```|<!--.*?-->", re.DOTALL)
-NAMED = re.compile(r"`[^`]*`|``[^`]*``")  # code, whose names may be any
+C_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
+NAMED = re.compile(r"`[^`]*`|``[^`]*``|<!-- [\w ]+:")  # code, whose names may be any, and marks in pages
 SCRIPTS = {"page_script.py", "c_library.py", "c_test_text.py", "recorded_page.py"}  # texts in other languages
 
 
@@ -86,7 +88,7 @@ def comments(source: str) -> Iterator[tuple[int, str]]:
             if lines[row - 1].lstrip().startswith("#") and row < len(lines) and lines[row].lstrip().startswith("#"):
                 run += " "
             else:
-                yield row, f"{run}."
+                yield row, run.rstrip(".") + "."
                 run = ""
 
 
@@ -97,13 +99,26 @@ def named(source: str) -> Iterator[tuple[int, str]]:
             yield token.start[0], token.string.replace("_", " ")
 
 
-@pytest.mark.parametrize("room", [*ROOMS, "tests", "benchmarks"])
+def c_comments(source: str) -> Iterator[tuple[int, str]]:
+    """The comments of C, with the lines where they begin, without breaks and marks, with a full stop."""
+    for match in C_COMMENT.finditer(source):
+        yield source.count("\n", 0, match.start()) + 1, " ".join(match.group()[2:-2].split()).rstrip(".") + "."
+
+
+def c_names(source: str) -> Iterator[tuple[int, str]]:
+    """The lines of C without comments, with their numbers, the parts of their identifiers as words."""
+    blank = C_COMMENT.sub(lambda match: "\n" * match.group().count("\n"), source)
+    return enumerate(blank.replace("_", " ").splitlines(), 1)
+
+
+@pytest.mark.parametrize("room", ROOMS)
 def test_names_and_comments_are_in_plain_words(room: str) -> None:
     found = {}
-    for path in sorted(ROOMS.get(room, ROOT / room).rglob("*.py")):
+    for path in sorted(path for path in ROOMS[room].rglob("*") if path.suffix in (".py", ".c", ".h")):
         source = path.read_text(encoding="utf-8")
-        words = [(line, text) for line, text in named(source) if TALK.search(text)]
-        words += [(line, text) for line, text in comments(source) if room in ROOMS and odd(text)]
+        names, notes = (named, comments) if path.suffix == ".py" else (c_names, c_comments)
+        words = [(line, text) for line, text in names(source) if TALK.search(text)]
+        words += [(line, text) for line, text in notes(source) if odd(text)]
         found |= {f"{path.relative_to(ROOT)}:{line}": text for line, text in words}
     assert found == {}
 
@@ -113,6 +128,8 @@ def test_odd_words_are_found() -> None:
         "The bodies it works with."
     ]
     assert [text for _, text in named("_told_apart = x.saida") if TALK.search(text)] == [" told apart"]
+    assert [text for _, text in c_comments("/* What\n   it works with */") if odd(text)] == ["What it works with."]
+    assert [line for line, text in c_names("/* asked\n */\nint asked_rows;") if TALK.search(text)] == [3]
     assert odd("The bodies that it works with.") == ["The bodies that it works with."]
     assert odd("A link is asked.") == ["A link is asked"]
     assert odd("The bodies, with their `asked` values: by link, from 0 to 1.") == []

@@ -1,4 +1,4 @@
-/* Places on a curve of poses, one after the other: `PoseCurve.places`, to rounding the same. */
+/* Places on a curve of poses, one after the other: `PoseCurve.places`, equal to NumPy's but for rounding. */
 
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"
@@ -127,7 +127,7 @@ WRAPPER(call_places) {
 }
 
 PyMethodDef places_functions[] = {
-    FUNCTION("pose_curve", make_pose_curve, "A curve of poses, as `PoseCurve` has it."),
+    FUNCTION("pose_curve", make_pose_curve, "A curve of poses, as in `PoseCurve`."),
     FUNCTION("places", call_places, "What `PoseCurve.places` returns, but for the last one."),
     END_OF_FUNCTIONS,
 };

@@ -1,5 +1,5 @@
-/* Damped least squares from many configurations: what `inverse.py` and `search/inverse_kinematics.py` say in NumPy, to
-   rounding the same. */
+/* Damped least squares from many configurations: `inverse.py` and `search/inverse_kinematics.py` in C, equal but
+   for rounding. */
 
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/cholesky.h"
@@ -185,7 +185,7 @@ static void linearized(const goal* to, long long batch, const double* q, double*
   }
 }
 
-/* What `approach` is told: the most steps; the step from which on `left` may be left behind, and how many those are; the
+/* The settings of `approach`: the most steps; the step from which on `left` may be left behind, and how many those are; the
    shares of the tolerances aimed at, and that are enough. */
 typedef struct {
   long long steps, many;
