@@ -30,7 +30,7 @@ from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from tests.waiting import until
 
 ARM = shipped_scenes()["planar_arm"]
-LOADING = "hdplan: loading the robot's meshes ...\n"  # said where it takes long
+LOADING = "hdplan: loading the robot's meshes ...\n"  # written where loading takes long
 HEAD = "hdplan: 1\nrobot: {name: panda}\nstart: {state: default}\ngoal: {state: default}\n"
 GOOD = Trajectory(("shoulder", "elbow"), np.array([[-0.8, 0.3], [0.1, 0.2], [1.0, 0.4]]), {}, np.array([0.0, 1.0, 2.0]))
 
@@ -43,7 +43,7 @@ def refusal(read: Callable[[], object]) -> str:
 
 
 def refusal_if_any(read: Callable[[], object]) -> str | None:
-    """What is said of a refused file; None if it is read."""
+    """The message on a refused file; None if it is read."""
     try:
         read()
     except InputError as error:

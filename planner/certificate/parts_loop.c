@@ -31,7 +31,7 @@ typedef struct {
   double distance, bound;
 } gap;
 
-/* Pairs of nodes yet to be looked at: `height` of them, `room` at most; and the direction that settled a pair last. */
+/* Pairs of nodes still open: `height` of them, `room` at most; and the direction that settled a pair last. */
 typedef struct {
   long long *pairs, room, height, newest;
 } walk_stack;

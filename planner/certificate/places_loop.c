@@ -11,7 +11,7 @@ typedef struct {
   double far, angle, parallel;
 } pose_curve;
 
-/* How places are looked for: how far ahead beyond the link's own way, and by how much one may be farther away. */
+/* Settings of the search for places: how far ahead beyond the link's own way, and by how much one may be farther away. */
 typedef struct {
   double look_ahead, catch_up, sooner;
 } search;

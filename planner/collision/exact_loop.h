@@ -6,7 +6,7 @@
 #include "close_pairs.h"
 #include "gjk.h"
 
-/* The solids of the bodies and boxes that `tables` has pairs of: vertices from first[k] on, three rows of width[k]
+/* The solids of the bodies and boxes in the pairs of `tables`: vertices from first[k] on, three rows of width[k]
    numbers, and four rows of clusters[k] for the balls around their clusters, swept by a disc, an ellipsoid (none: not positive) and a ball, placed on the joint of the body or box. */
 typedef struct {
   long long bodies, boxes;

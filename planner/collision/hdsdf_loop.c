@@ -3,7 +3,7 @@
 
    Why it is fast: one plane after another lies in memory, so that every step of the sums runs over planes in the widest
    vectors of the processor; roots are found without `pow`; and numbers of vertices and planes are arguments, so that no
-   robot and no obstacle has to be compiled for. */
+   robot and no obstacle needs a compilation. */
 
 #include "hdsdf_loop.h"
 
@@ -167,7 +167,7 @@ static double outside(int gamma, double length, const sums* at) {
   return gamma == 2 ? shaped_outside(2, length, at) : shaped_outside(gamma, length, at);
 }
 
-/* The force and the moment about the frame's origin that the derivatives by x_ik come to: Σ_i f_i and Σ_i p_i × f_i,
+/* The force and the moment about the frame's origin, from the derivatives by x_ik: Σ_i f_i and Σ_i p_i × f_i,
    f_i = Σ_k x_ik n_k, in four sums side by side, as wide as vectors are. */
 CLONES
 static void pulls(const sums* at, const double* points, const halfspaces* planes, double* force, double* moment) {

@@ -230,7 +230,7 @@ static void look_between(search* along, const place* low, const place* high, int
   look_between(along, &middle, high, depth - 1);
 }
 
-/* Keep what is least missed at one place, of its two neighbours, without a change of sign: two ways may be close by. */
+/* Keep what is least missed at one place, of its two neighbours, without a change of sign: two ways may be close. */
 static void look_about(search* along, const place* before, const place* now, const place* after) {
   const double small = 0.1;
   for (int k = 0; k < now->count; ++k) {

@@ -14,7 +14,7 @@ static const double EXACT = 1e-10;    /* [m] and [rad] by which a configuration 
 static const double SAME = 1e-6;      /* [rad] between two configurations that are one */
 static const double FAR = 0.3;        /* [rad] beyond a limit of what the last steps need not bring back */
 static const double LOST = 1e-3;      /* [m] and [rad] still missed after half of the steps */
-static const double SINGULAR = 0.02;  /* [m] and [rad] for 1 rad, least: below it two configurations may be close by */
+static const double SINGULAR = 0.02;  /* [m] and [rad] for 1 rad, least: below it two configurations may be close */
 static const double AT_LIMIT = 1e-9;  /* [rad or m] beyond a limit that is rounding */
 static const double DAMPING = 1e-12;  /* λ² of the last steps */
 

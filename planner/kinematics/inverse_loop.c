@@ -133,7 +133,7 @@ static int is_within(const goal* to, const double* error, double share) {
 static void solve_step(const goal* to, const room* at) {
   const long long n = to->arm->n, m = 6 * to->links;
   const double* jacobian = at->jacobian;
-  for (long long j = 0; j < m; ++j) /* column j of the lower half, from the diagonal on */
+  for (long long j = 0; j < m; ++j) /* column j of the lower half, which begins at the diagonal */
     for (long long i = j; i < m; ++i) {
       double sum = i == j ? to->damping * to->damping : 0.0;
       for (long long k = 0; k < n; ++k) sum += jacobian[i * n + k] * jacobian[j * n + k];

@@ -1,6 +1,6 @@
-/* Two trees of free lines that grow towards each other: RRT-Connect (J. Kuffner, S. LaValle, 2000), where what is in the
-   way is slid along. In narrow places nearly every straight line ends at once; what is left of it beside the surfaces
-   that it meets leads on. */
+/* Two trees of free lines that grow towards each other: RRT-Connect (J. Kuffner, S. LaValle, 2000), which slides along
+   obstacles. In narrow places nearly every straight line ends at once; its part along the surfaces that it
+   meets continues. */
 
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"

@@ -1,4 +1,4 @@
-"""A robot that follows a trajectory: it arrives where nothing is in the way, gives way to what comes, and goes on."""
+"""A robot that follows a trajectory: it arrives where nothing is in the way, gives way to obstacles, and continues."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def between(scene: Scene, motion: Trajectory) -> Scene:
 
 
 def ball_that_comes(robot: Robot, sweep: Trajectory, velocity: tuple[float, float, float], when: float) -> Obstacle:
-    """A ball that is at the hand's place halfway along the trajectory at a time, and moves on."""
+    """A ball that crosses the hand's place halfway along the trajectory at a given time."""
     q = sweep.positions[len(sweep) // 2]
     hand = kinematics_of(robot).evaluate(q).translations[0, 7]
     start = hand - when * np.array(velocity)
@@ -114,7 +114,7 @@ def test_it_yields_and_recovers(
 
 
 def test_a_program_without_a_solution_is_no_reason_to_stand(room: Scene, robot: Robot) -> None:
-    """A ball comes at the elbow faster than its barrier allows for: the step that gives way says to what."""
+    """A ball approaches the elbow faster than its barrier allows: the step that gives way names the ball."""
     start = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
     slow = Trajectory(robot.joint_names, np.stack([start, start + 0.15]), robot.locked, np.array([0.0, 3.0]))
     ball = Obstacle("ball", Sphere(0.08), Pose((-0.282, 0.096, 0.763)), motion=SteadyMotion((0.491, -0.08, -0.054)))

@@ -1,4 +1,4 @@
-"""Laws of meshes and obstacles: bad files are named, pieces cover what they stand for, inside is told from outside."""
+"""Laws of meshes and obstacles: bad files are named, pieces cover their meshes, inside differs from outside."""
 
 from __future__ import annotations
 

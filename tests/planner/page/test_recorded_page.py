@@ -113,7 +113,7 @@ def test_a_result_shows_itself(result: PlanResult, tmp_path: Path) -> None:
 
 @pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")
 def test_seven_joints_are_not_taken_for_a_pose() -> None:
-    """Each joint's value is said as it is: the seven of a Panda once had four turned to a quaternion of length 1."""
+    """Each joint's value is shown as it is: the seven of a Panda once had four turned to a quaternion of length 1."""
     program, result = find_browser(), hdplan.plan(hdplan.load_scene("panda_cage"))
     assert program is not None
     with Browser(program, result.show(), SIZE) as browser:
@@ -125,7 +125,7 @@ def test_seven_joints_are_not_taken_for_a_pose() -> None:
 
 @pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")
 def test_a_browser_draws_it(setup: Setup, motion: ShownMotion) -> None:
-    """The picture changes as the motion goes on, the slider and the keys move it, and nothing is complained of."""
+    """The picture follows the motion, the slider and the keys move it, and the console is empty."""
     program = find_browser()
     assert program is not None
     listening = "<script>window.wrong = []; addEventListener('error', (e) => wrong.push(e.message));</script>"

@@ -71,7 +71,7 @@ def with_shapes(scene: Scene, shapes: dict[str, Shape]) -> Scene:
     ids=str,
 )
 def test_other_sizes_are_those_of_a_problem_built_anew(changes: dict[str, bool]) -> None:
-    """Value, gradient and Hessian, exact and Gauss-Newton's; the derivatives by sizes asked for or not."""
+    """Value, gradient and Hessian, exact and Gauss-Newton's; with and without the derivatives by sizes."""
     problem, rng, seen = problem_of(**changes), np.random.default_rng(6), 0.0
     for exact, movable in ((True, True), (True, False), (False, True)):
         graph = graph_of(problem, exact, movable)

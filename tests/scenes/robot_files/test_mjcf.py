@@ -272,7 +272,7 @@ def shape_of(robot: Robot, link: str) -> tuple[str, tuple[float, ...]]:
 
 
 def test_default_sections_are_merged_and_the_first_class_may_have_a_name(tmp_path: Path) -> None:
-    """As MuJoCo merges them: a class made in a later section inherits what earlier ones said."""
+    """As MuJoCo merges them: a class made in a later section inherits the values of earlier ones."""
     first = "<default class='all'><geom type='box' size='.1 .2 .3'/></default>"
     robot = load(
         tmp_path, PLAIN.format(""), first + "<default><default class='own'><geom rgba='1 0 0 1'/></default></default>"
