@@ -53,7 +53,7 @@ simulated motion failed, or a study was interrupted (its results so far are writ
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-studies = typer.Typer(help="Measure what each setting gains and what it costs.", rich_markup_mode=None)
+studies = typer.Typer(help="Measure the gain and the cost of each setting.", rich_markup_mode=None)
 figures = typer.Typer(
     help="Reproduce the paper's figures, beside its numbers.",
     rich_markup_mode=None,
@@ -188,7 +188,7 @@ def verify(
     world of the proof, and then checks the proof in outward-rounded arithmetic. The output lists the proven claims and
     the assumptions, or the pair of bodies, the place and the reason of a failure.
 
-    The exit code is 1 if the proof is rejected, 4 if it is accepted in part: the scene requires more than it proves.
+    The exit code is 1 if the proof is rejected, 4 if it is accepted in part, as the scene requires more.
     """
     from hdplan.planner.commands.verify import run_verify
 
@@ -256,7 +256,7 @@ def simulate(
     With --plant a body in MuJoCo executes the motion, each joint turned by a drive with its own servo. The tracking
     error is shown as `robot.tracking`, and a scene with this section can then be proven.
 
-    Of a job each stage is replayed, or executed, in its own scene; fingers are only replayed.
+    In a job, each stage is replayed, or executed, in its own scene; fingers are only replayed.
 
     The exit code is 1 if tracking is lost or worse than the scene's `robot.tracking`, if a limit is exceeded, or if
     there is contact.
@@ -289,7 +289,7 @@ def plot(
 
     The trajectory may be hdplan's or another planner's. The sheet shows the joints with their limits, velocities and
     accelerations if the file has times, the clearance along the motion with its proven bound, the solver's progress if
-    the file holds it, and the scene from two sides. The exit code is 0 whatever the verdict.
+    the file holds it, and the scene from two sides. The exit code is 0 for every verdict.
     """
     from hdplan.planner.commands.plot import run_plot
 

@@ -259,7 +259,7 @@ def test_what_is_no_file_is_refused_at_once(
     if kind != "a device":  # a link to a device is replaced as any link is
         before = sorted(os.listdir(tmp_path))
         target = path.rename(path.with_suffix(".json"))
-        wanted = "is a folder" if kind == "a directory" else "is no regular file"
+        wanted = "is a folder" if kind == "a directory" else "is not a regular file"
         monkeypatch.setattr(sys, "argv", ["hdplan", "plan", "planar_arm", "-o", str(target)])
         with pytest.raises(SystemExit) as end:
             cli.main()

@@ -122,8 +122,8 @@ def _ball(centres: Array, radii: Array) -> tuple[Array, Array]:
 
 
 def inside(world: World, places: Array, open_too: bool = False) -> list[tuple[tuple[int, int], int]]:
-    """Return pairs, and when, of which one has a point within the other's closed mesh; of an open one, on request, where
-    it winds around the point more than not."""
+    """Return pairs, and when, of which one has a point within the other's closed mesh; of an open one, on request,
+    where it winds around the point more than not."""
     found = []
     chosen = np.unique(np.linspace(0, places.shape[1] - 1, 5).round().astype(int))
     for pair in world.pairs:

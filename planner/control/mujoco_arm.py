@@ -154,7 +154,7 @@ def _read(path: Path) -> Any:
     try:
         return _mujoco().MjModel.from_xml_path(str(path))
     except (ValueError, _mujoco().FatalError) as error:
-        raise InputError(f"{path}: is no model that MuJoCo reads: {' '.join(str(error).split())}") from None
+        raise InputError(f"{path}: is not a model that MuJoCo can read: {' '.join(str(error).split())}") from None
 
 
 def _joint(model: Any, name: str, where: str) -> int:

@@ -119,7 +119,7 @@ def leg_of(world: World, number: int) -> tuple[Leg, float]:
             poses = _frame(stage, world, begins) @ np.array([pose.matrix for pose in stage.poses])
             _check_beginning(stage, begins, poses[0])
         case _:
-            raise TypeError(f"{stage.kind} is no curve")
+            raise TypeError(f"{stage.kind} is not a curve")
     _check_length(stage, poses)
     return Leg(poses, stage.free_rotation, stage.tool_speed, stage.tool_acceleration), lost
 

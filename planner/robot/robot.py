@@ -120,7 +120,7 @@ class Robot:
         """Say of links in contact that they touch wherever it was tried, and what to do; empty if none of them does."""
         for a, b in (pair for pair in pairs if link_pair(*pair) in self.doubtful):
             return (
-                f"; links {a} and {b} touch at each of {CONTACT_SAMPLES} sampled configurations, which is no proof: "
+                f"; links {a} and {b} touch at each of {CONTACT_SAMPLES} sampled configurations, which is not a proof: "
                 "name them in robot.ignore_pairs, or an SRDF, if they may"
             )
         return ""

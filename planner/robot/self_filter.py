@@ -99,7 +99,7 @@ def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple
         words.append(text)
         near |= found
     if near.all():
-        raise InputError(f"{where}.cloud: all of its {len(near)} points are to be ignored")
+        raise InputError(f"{where}.cloud: all of its {len(near)} points would be ignored")
     if not near.any() and not stay:
         return obstacle, "", np.empty((0, 3))
     kept = replace(cloud, points=FixedArray(balls.array[~near, :3]), radius=_radius(cloud, balls.array[~near, 3]))

@@ -158,7 +158,7 @@ ProofToWrite = Annotated[
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 
 Diagnose = Annotated[
-    bool, typer.Option("--diagnose", help="Seek the reason for a failure, by trying changes that would help.")
+    bool, typer.Option("--diagnose", help="Find the reason for a failure, by trying changes that would help.")
 ]
 
 # prove, verify
@@ -294,7 +294,9 @@ Scheduler = Annotated[
 ]
 Cluster = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Start the workers of a cluster by one of dask's cluster classes, as FILE says."),
+    typer.Option(
+        metavar="FILE", help="Start the workers of a cluster by one of dask's cluster classes, given in FILE."
+    ),
 ]
 EachTimeLimit = Annotated[
     float,
@@ -333,10 +335,11 @@ GoalKind = Annotated[
     str, typer.Option(metavar="KIND", help="joints: goals are configurations; pose: poses of the end effector.")
 ]
 Jitter = Annotated[
-    float, typer.Option(metavar="METRES", help="Move each obstacle by at most this along each axis.", parser=_number)
+    float,
+    typer.Option(metavar="METRES", help="Shift each obstacle by up to this much along each axis.", parser=_number),
 ]
 Resize = Annotated[
-    float, typer.Option(metavar="SHARE", help="Change each size of an obstacle by at most this share.", parser=_number)
+    float, typer.Option(metavar="SHARE", help="Change each size of an obstacle by up to this share.", parser=_number)
 ]
 
 # study, reproduce

@@ -244,7 +244,7 @@ def test_a_convex_mesh_is_one_piece_without_words(tmp_path: Path) -> None:
 
 def test_a_mesh_is_no_shape_to_enclose_whole() -> None:
     shape = Mesh(Path("mesh.stl"))
-    with pytest.raises(TypeError, match="nothing is known of the shape Mesh"):
+    with pytest.raises(TypeError, match="unknown shape Mesh"):
         from_shape("mesh", shape, np.eye(4))
     read = ReadMesh(shape.file, mesh=TriangleMesh.hull(np.eye(4, 3)))
     with pytest.raises(TypeError, match="convex pieces"):

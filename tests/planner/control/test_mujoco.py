@@ -142,7 +142,7 @@ def test_a_model_file_executes_and_is_held_against_the_robot(
     with pytest.raises(InputError, match="actuator: joint 'panda_joint3' needs one position actuator"):
         control.MuJoCoArm.of(scene, model=path)
     path.write_text(whole[:300])
-    with pytest.raises(InputError, match="is no model that MuJoCo reads") as caught:
+    with pytest.raises(InputError, match="is not a model that MuJoCo can read") as caught:
         control.MuJoCoArm.of(scene, model=path)
     assert "\n" not in str(caught.value)
 

@@ -247,7 +247,7 @@ def test_what_a_model_says_of_joints_masks_defaults_and_pairs(tmp_path: Path) ->
         ('range="0 90"', 'rnage="0 90"', r"joint 'l': attribute 'rnage' is not known \(did you mean 'range'"),
         ('pos="0 0 1"', 'pso="0 0 1"', r"body 'arm': attribute 'pso' is not known \(did you mean 'pos'"),
         ('<geom size=".2"/>', '<goem size=".2"/>', r"default: element 'goem' is not known \(did you mean 'geom'"),
-        ("<asset>", '<default><default class="big"/></default><asset>', "the class 'big' is there already"),
+        ("<asset>", '<default><default class="big"/></default><asset>', "the class 'big' is defined twice"),
         ('pos="0 0 1"', 'pos="0 0"', "body 'arm': pos must be 3 finite numbers, found '0 0'"),
         ('pos="0 0 1"', 'quat="0 0 0 0"', "body 'arm': a direction must not be 0"),
         ('pos="0 0 1"', 'quat="1 0 0 0" zaxis="0 0 1"', "body 'arm': quat and zaxis say the same"),
