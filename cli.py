@@ -483,7 +483,7 @@ def schema() -> None:
 
 
 @studies.command()
-def distance(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
+def distance(output: given.Folder = given.STUDY_FOLDER, quick: given.Quick = False) -> None:
     """Measure the cost in time of an accurate distance.
 
     For every set of normals, order, shaping length and precision: the share of gaps reported as contact, the error
@@ -497,7 +497,7 @@ def distance(output: given.Folder = given.OUT, quick: given.Quick = False) -> No
 
 @studies.command()
 def planning(
-    output: given.Folder = given.OUT,
+    output: given.Folder = given.STUDY_FOLDER,
     quick: given.Quick = False,
     problems: given.Problems = None,
     every: given.Every = 10,
@@ -515,7 +515,7 @@ def planning(
 
 
 @figures.command()
-def time(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
+def time(output: given.Folder = given.STUDY_FOLDER, quick: given.Quick = False) -> None:
     """Time exact distances, GDF and the HD-SDF.
 
     Over all pairs of Platonic solids: exact by FCL and by coal; the HD-SDF by the interpreter, compiled, and in
@@ -527,7 +527,7 @@ def time(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
 
 
 @figures.command()
-def conservativeness(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
+def conservativeness(output: given.Folder = given.STUDY_FOLDER, quick: given.Quick = False) -> None:
     """Count how often a gap is taken for contact.
 
     Over 500,000 random configurations of Platonic solids, for the paper's set of normals and all other sets. Writes
@@ -539,7 +539,7 @@ def conservativeness(output: given.Folder = given.OUT, quick: given.Quick = Fals
 
 
 @figures.command()
-def corridor(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
+def corridor(output: given.Folder = given.STUDY_FOLDER, quick: given.Quick = False) -> None:
     """Steer a Panda made of boxes into a corridor, with each distance.
 
     The paper's robot experiment: the same controller with the exact distance, the GDF and the HD-SDF, with the text's
@@ -553,7 +553,7 @@ def corridor(output: given.Folder = given.OUT, quick: given.Quick = False) -> No
 
 
 @figures.command()
-def kinks(output: given.Folder = given.OUT) -> None:
+def kinks(output: given.Folder = given.STUDY_FOLDER) -> None:
     """Follow the distances of two squares that pass each other.
 
     The Euclidean distance has kinks there and the HD-SDF has none. Writes kinks.csv and kinks.png: both over time, with

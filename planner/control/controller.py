@@ -72,7 +72,7 @@ from hdplan.scenes.shapes import Solid
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import Number, checked, instance, is_row, require_fields, wrong
 
-FAR = 8.0 * np.pi  # [rad] or [m] up to which joints without limits are taken to count
+FARTHEST_JOINT = 8.0 * np.pi  # [rad] or [m] up to which joints without limits are taken to count
 MISSED_BARRIER = 1e-4  # [m/s] by which a barrier is violated before it is reported
 
 require_fields(
@@ -145,7 +145,7 @@ class Controller:
         found["velocity"] = settings.speed * found["velocity"]
         farthest = np.maximum(np.abs(robot.inner[0]), np.abs(robot.inner[1]))
         rise = 0.0 if settings.as_published else settings.rise
-        self.rates = Rates.of(found, settings.period, rise, np.minimum(farthest, FAR))
+        self.rates = Rates.of(found, settings.period, rise, np.minimum(farthest, FARTHEST_JOINT))
         try:
             self.rates.braked(self.rates.velocity, np.zeros(robot.n))
         except InputError:

@@ -23,10 +23,10 @@ from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.sizes import Tracking
 from hdplan.scenes.values import Number, checked, functions, instance
 
-DIGITS = 3  # of measured errors, rounded up
-WAITS = 0.25  # of a period of the arm, for which a step is awaited before the reference is sent without it
-SAME = 1e-6  # [rad] or [m] between two commands at one time, from rounding
-LOOKS = 1e-4  # [s] between two looks at the arm's clock meanwhile
+ERROR_DIGITS = 3  # of measured errors, rounded up
+STEP_WAIT_SHARE = 0.25  # of a period of the arm, for which a step is awaited before the reference is sent without it
+SAME_COMMAND = 1e-6  # [rad] or [m] between two commands at one time, from rounding
+CLOCK_POLL = 1e-4  # [s] between two looks at the arm's clock meanwhile
 
 Reference = Callable[[float], tuple[Array, Array] | None]
 """Positions and velocities (2, n), now and one period from now; None: it is over."""
@@ -161,7 +161,9 @@ class Loop:
                     if commands:
                         replanner.state(*self.arm.state(), at=now)
                     pending, due = beside.submit(replanner.step, now), max(due + replanner.period, t)
-                if pending is not None and self._awaited(pending, now + WAITS * period if commands else np.inf):
+                if pending is not None and self._awaited(
+                    pending, now + STEP_WAIT_SHARE * period if commands else np.inf
+                ):
                     step, pending = pending, None
                     command = step.result()
                     if not commands or self._joins(commands[-1], command, now, replanner.lags):
@@ -183,7 +185,7 @@ class Loop:
         """Return whether a step is done, once it is, or once the arm's clock comes to a time: a simulated one stands
         still until then, and a real arm needs its next reference."""
         while not pending.done() and self.arm.time() < until:
-            wait([pending], LOOKS)
+            wait([pending], CLOCK_POLL)
         return pending.done()
 
     def _joins(self, old: Command, new: Command, now: float, lags: Array) -> bool:
@@ -192,7 +194,7 @@ class Loop:
         has left the old one is passed over: the arm brakes along the old one, and the replanner, which then measures
         that it is off, goes on from where it stands."""
         one, other = old.at(now), new.at(now)
-        if np.abs(one.positions - other.positions).max() <= SAME:
+        if np.abs(one.positions - other.positions).max() <= SAME_COMMAND:
             return True
         if one.velocities.any() or other.velocities.any():
             return False
@@ -239,7 +241,7 @@ def measured_tracking(errors: Array, velocity_errors: Array) -> Tracking:
 
 
 def _up(errors: Array) -> tuple[float, ...]:
-    """Return the largest absolute errors (n,) of rows (k, n), rounded up to DIGITS digits."""
+    """Return the largest absolute errors (n,) of rows (k, n), rounded up to ERROR_DIGITS digits."""
     most = np.abs(errors).max(axis=0)
-    unit = 10.0 ** (np.floor(np.log10(np.maximum(most, 1e-12))) + 1 - DIGITS)
+    unit = 10.0 ** (np.floor(np.log10(np.maximum(most, 1e-12))) + 1 - ERROR_DIGITS)
     return tuple((np.ceil(most / unit * (1 + 1e-9)) * unit).tolist())

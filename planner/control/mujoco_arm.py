@@ -25,9 +25,9 @@ from hdplan.scenes.errors import InputError, listed
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import checked, instance, path_of
 
-ASTRAY = 0.5  # [rad] or [m] off its motion at which the execution ends
+LARGEST_ERROR = 0.5  # [rad] or [m] off its motion at which the execution ends
 SAME_AXIS = 1e-3  # [m] and [rad] by which axes of a model may differ from those of the robot
-PLACES = 5  # configurations at which they are held against each other
+COMPARED_CONFIGURATIONS = 5  # configurations at which they are held against each other
 
 
 class MuJoCoArm:
@@ -134,7 +134,7 @@ def execute_in_mujoco(setup: Setup, curve: Curve, model: str | Path | None = Non
     arm = MuJoCoArm(setup, model)
     first = float(curve.times[0])
     arm.place(curve.at_time(np.array([first]))[0], curve.at_time(np.array([first]), 1)[0])
-    done = Loop(arm, ASTRAY).along(curve)
+    done = Loop(arm, LARGEST_ERROR).along(curve)
     return Execution(first + done.times, done.positions, done.errors, arm.torques, bool(done.why), done.velocity_errors)
 
 
@@ -203,7 +203,7 @@ def _drives(model: Any, joint: int, name: str, where: str) -> tuple[int, int | N
 def _same(model: Any, robot: Robot, joints: list[int], places: Array, where: str) -> None:
     """Refuse a model of which a joint does not stand and turn where the robot's does."""
     mujoco, data, own = _mujoco(), _mujoco().MjData(model), robot.model.createData()
-    for q in robot.draw(np.random.default_rng(SEED), PLACES):
+    for q in robot.draw(np.random.default_rng(SEED), COMPARED_CONFIGURATIONS):
         data.qpos[places] = q
         mujoco.mj_kinematics(model, data)
         pin.forwardKinematics(robot.model, own, robot.pin_q(q))

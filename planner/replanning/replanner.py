@@ -52,13 +52,13 @@ from hdplan.scenes.shapes import Solid
 from hdplan.scenes.targets import AnyGoal, Goals, JointTarget
 from hdplan.scenes.values import Number, checked, describe, functions, instance
 
-ROWS = 4  # of the grid in a period: what begins at a row waits for it
-OFF = 1e-6  # [rad] or [m] by which a measured joint may be off beyond `robot.tracking`, from rounding
+ROWS_PER_PERIOD = 4  # of the grid in a period: what begins at a row waits for it
+MEASURED_EXCESS = 1e-6  # [rad] or [m] by which a measured joint may be off beyond `robot.tracking`, from rounding
 AT_REST = 1e-2  # [rad/s] or [m/s] of a measured joint, below which a robot that is off its motion counts as standing
 FIRST_HORIZON = 0.5  # [s] until one was measured
-FORGETS = 0.95  # share of the horizon that is kept from one step to the next, as motions near an end are short
-LATEST = 1e10  # [s] on any clock: later, times are no longer apart
-SHARE = 0.8  # of a period, for the proofs of a step
+HORIZON_KEPT = 0.95  # share of the horizon that is kept from one step to the next, as motions near an end are short
+LATEST_TIME = 1e10  # [s] on any clock: later, times are no longer apart
+PROOF_SHARE = 0.8  # of a period, for the proofs of a step
 
 
 class Measured(NamedTuple):
@@ -132,10 +132,10 @@ class Replanner:
         self.robot = setup.robot
         start = self.robot.configuration(scene.start, scene.from_request)
         self._scene, self._clock = setup.requested, clock
-        self._grid = Grid(at, self._period / ROWS)
+        self._grid = Grid(at, self._period / ROWS_PER_PERIOD)
         self._lags = tracking(scene, self.robot)
         self._speeds = setup.limits["velocity"] + tracking(scene, self.robot, "velocity")
-        self._motions = FailsafeMotions(setup.limits, self._grid.h, ROWS + 1)
+        self._motions = FailsafeMotions(setup.limits, self._grid.h, ROWS_PER_PERIOD + 1)
         self._held = Held.standing(self._grid, 0, start)
         self._course: Course | None = None
         self._ways = Ways(self.robot, executor)
@@ -235,11 +235,11 @@ class Replanner:
         """
         joints = self.robot.joint_names
         found, rates = joint_numbers("q", q, joints), joint_numbers("dq", dq, joints)
-        over = np.maximum(self.robot.lower - found, found - self.robot.upper) - self._lags - OFF
+        over = np.maximum(self.robot.lower - found, found - self.robot.upper) - self._lags - MEASURED_EXCESS
         if (i := int(over.argmax())) >= 0 and over[i] > 0.0:
             low, high = self.robot.lower[i], self.robot.upper[i]
             raise InputError(f"q: joint '{joints[i]}' is at {found[i]:g}, its range is [{low:g}, {high:g}]")
-        over = np.abs(rates) - self._speeds * (1.0 + OFF) - OFF
+        over = np.abs(rates) - self._speeds * (1.0 + MEASURED_EXCESS) - MEASURED_EXCESS
         if over[i := int(over.argmax())] > 0.0:
             raise InputError(f"dq: joint '{joints[i]}' is at {rates[i]:g}, its limit is {self._speeds[i]:g}")
         with self._steps:
@@ -286,7 +286,7 @@ class Replanner:
         self._measured, self._off = None, ""
         expected = self._held.at(measured.at)[0]
         q = self.robot.nearest_turn(measured.q, expected)  # an encoder may begin each turn at 0
-        away = np.abs(q - expected) - self._lags - OFF
+        away = np.abs(q - expected) - self._lags - MEASURED_EXCESS
         i = int(away.argmax())
         if away[i] <= 0.0:
             return
@@ -330,7 +330,7 @@ class Replanner:
                     return False, ""
                 certificate = self._proof(picture, row, motion.rows, course.nominal, began)
                 stands = self._grid.time(row + len(motion.law) - 1) + self._settling
-                self._horizon = max(stands - picture.at, FORGETS * self._horizon)
+                self._horizon = max(stands - picture.at, HORIZON_KEPT * self._horizon)
                 if isinstance(certificate, str) or not certificate.certified:
                     why = certificate if isinstance(certificate, str) else certificate.text
                     continue
@@ -345,7 +345,7 @@ class Replanner:
 
     def _proof(self, picture: Picture, row: int, rows: Rows, nominal: Nominal, began: float) -> Certificate | str:
         """Return the certificate of a motion that begins at a row, or why there was no time for it."""
-        left = None if self._clock is not None else SHARE * self._period - (time.perf_counter() - began)
+        left = None if self._clock is not None else PROOF_SHARE * self._period - (time.perf_counter() - began)
         if left is not None and left <= 0.0:
             return "the step took longer than its period"
         try:
@@ -391,6 +391,6 @@ def _check_goal(setup: Setup) -> None:
 
 def _moment(t: float, name: str) -> float:
     """Return a time on the clock. Raises InputError for anything else."""
-    if isinstance(t, bool) or not isinstance(t, (int, float, np.integer, np.floating)) or not abs(t) <= LATEST:
+    if isinstance(t, bool) or not isinstance(t, (int, float, np.integer, np.floating)) or not abs(t) <= LATEST_TIME:
         raise InputError(f"{name}: must be a finite time [s], found {describe(t)}")
     return float(t)

@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 
 
 STARTS = 128  # the scene's start, and random configurations
-FEW, AROUND = 24, 1.0  # starts around a seed, and their standard deviation [rad or m]
+SEED_STARTS, SEED_SPREAD = 24, 1.0  # starts around a seed, and their standard deviation [rad or m]
 STEPS, MANY = 80, 32  # at most; after so many, starts are given up if enough of the others have arrived
-ARRIVED = 0.25  # share of the starts that are enough
+ENOUGH_STARTS = 0.25  # share of the starts that are enough
 CENTRING = 6  # more of them, from within the tolerance towards its centre
 AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: the aim, the convergence of a start, acceptance
 DRAWS, BACK = 12, 2  # steps towards the start, at most, each with some back to the pose
@@ -157,9 +157,9 @@ def _from_start(robot: Robot, target: PoseTarget, start: Array) -> Array:
 
 def _near(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator) -> tuple[Array, tuple[Miss, ...]]:
     """Return what `reaching` returns, from few starts around `start`, among which the nearest of all most often is."""
-    wide = np.minimum(AROUND, 0.5 * (robot.upper - robot.lower))
+    wide = np.minimum(SEED_SPREAD, 0.5 * (robot.upper - robot.lower))
     middle = np.clip(start, robot.lower, robot.upper)
-    return _reached(Aim.at(robot, target), middle + wide * rng.normal(size=(FEW - 1, robot.n)), start)
+    return _reached(Aim.at(robot, target), middle + wide * rng.normal(size=(SEED_STARTS - 1, robot.n)), start)
 
 
 def reaching(
@@ -212,7 +212,7 @@ def _reached(aim: Aim, draws: Array, start: Array, path: tuple[PathTerm, ...] = 
 def _approached(aim: Aim, q: Array, path: tuple[PathTerm, ...]) -> Array:
     """Move starts (B, n) towards the aim and the path constraints, until all that can be hoped for have arrived."""
     if aim.loops and not path:
-        return aim.loops.approach(q, STEPS, MANY, (1.0 - ARRIVED) * len(q), AIM, ENOUGH)
+        return aim.loops.approach(q, STEPS, MANY, (1.0 - ENOUGH_STARTS) * len(q), AIM, ENOUGH)
     going = np.arange(len(q))
     if path:
         from hdplan.planner.problem.path_terms import to_path
@@ -226,7 +226,7 @@ def _approached(aim: Aim, q: Array, path: tuple[PathTerm, ...]) -> Array:
             missing, jacobian = np.concatenate([missing, astray], axis=1), np.concatenate([jacobian, slope], axis=1)
             far |= astray.any(axis=1)
         going, missing, jacobian = going[far], missing[far], jacobian[far]
-        if len(going) <= (1.0 - ARRIVED if step >= MANY else 0.0) * len(q):
+        if len(going) <= (1.0 - ENOUGH_STARTS if step >= MANY else 0.0) * len(q):
             break
         q[going] = damped_step(aim.robot, q[going], missing, jacobian)
     return q

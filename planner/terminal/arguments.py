@@ -14,8 +14,8 @@ from hdplan.scenes.number_text import read_number, read_whole
 if TYPE_CHECKING:
     from hdplan.scenes.robot_spec import RobotSpec
 
-SEARCH = 30.0  # [s] for solving and certifying, where no time limit is given
-OUT = Path("out")  # where the files of a study go, if no folder is given
+SEARCH_TIME = 30.0  # [s] for solving and certifying, where no time limit is given
+STUDY_FOLDER = Path("out")  # where the files of a study go, if no folder is given
 
 
 def _whole_number(text: str, least: int = 0) -> int:
@@ -141,7 +141,7 @@ TimeLimit = Annotated[
     typer.Option(
         metavar="SECONDS",
         help="Time for everything, reading and building included. By default solving and certifying take at most "
-        f"{SEARCH:g} s over all attempts.",
+        f"{SEARCH_TIME:g} s over all attempts.",
         parser=_seconds,
     ),
 ]

@@ -347,7 +347,7 @@ def test_finer_steps_make_no_slower_motion(monkeypatch: pytest.MonkeyPatch) -> N
     stages = [line, hdplan.Circle(by=[0.1, 0.1, 0.0], interim=[0.03, 0.07, 0.0], **fine)]
     took = []
     for finer in (1, 4, 12):
-        monkeypatch.setattr("hdplan.planner.job.blending.FINER", (finer,))
+        monkeypatch.setattr("hdplan.planner.job.blending.DENSITY_FACTORS", (finer,))
         result = hdplan.plan_job(job_of(*stages))
         assert "1 of them blended" in result.text
         took.append(result.trajectory.duration)

@@ -193,7 +193,7 @@ def test_the_shipped_grasp_needs_its_free_axis_and_many_starts(monkeypatch: pyte
     np.testing.assert_array_equal(result.trajectory.positions[-1], result.goal.positions)
     assert any(note.startswith("goal chosen of ") for note in result.notes)
 
-    monkeypatch.setattr(goal_search, "DRAWN", 2)
+    monkeypatch.setattr(goal_search, "DRAW_ROUNDS", 2)
     fixed = aimed(scene, dataclasses.replace(target, free_rotation="none"))
     with pytest.raises(
         InputError,
