@@ -26,8 +26,8 @@ class ConfigurationDistances(PlacedPairs):
         super().__init__(prepared, curve)
 
     def all_pairs(self, within: float = np.inf, surfaces: bool = False, unknown: bool = False) -> tuple[Spot, ...]:
-        """Return the signed distances of all pairs at the first configuration, except for those that bounding balls prove to
-        be farther apart than `within`."""
+        """Return the signed distances of all pairs at the first configuration, except for those that bounding balls
+        prove to be farther apart than `within`."""
         nodes = self.at_waypoints(np.zeros(1, dtype=np.int64))
         spots = self.contained(nodes, self.containment.found(nodes))
         items = Items.all(1, np.arange(len(self.pairs.a)))
