@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import daqp
 import numpy as np
+from numpy.typing import NDArray
 
 from hdplan.scenes.array_types import Array
 
@@ -31,7 +32,7 @@ UNBOUNDED = 1e30  # DAQP's infinity
 STEPS = 100  # of Newton's method, at most; it takes 1 to 5
 SOLVED = (1, 2)  # DAQP's exit flags of a solution, exact or to its tolerance
 
-Bounds = tuple[Array, Array, Array, Array]  # rows (m, n), the least and greatest u (n,), the rows' least values (m,)
+Bounds = tuple[Array, Array, Array, NDArray[np.int32]]  # rows, greatest and least values of u and rows, kinds
 
 
 class SoftConstraints(NamedTuple):
@@ -60,13 +61,13 @@ def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, constr
     kept = (least < target) & (length > VANISHED)
     length = length[kept]
     matrix, target, floor = matrix[kept] / length[:, None], target[kept] / length, floor[kept] / length
-    found = _solved(hessian, linear, matrix, low, high, target)
+    found = _solved(hessian, linear, _bounded(matrix, low, high, target))
     if found is not None:
         return np.clip(found, low, high)  # DAQP's bounds hold to 1e-12
     gives = floor < target
     weight = (weight[kept] * length)[gives]
     firm = np.isfinite(floor)
-    within = (matrix[firm], low, high, floor[firm])
+    within = _bounded(matrix[firm], low, high, floor[firm])
     found = _least_missed(hessian, linear, matrix[gives] * weight[:, None], target[gives] * weight, within)
     return None if found is None else np.clip(found, low, high)
 
@@ -74,19 +75,21 @@ def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, constr
 def _least_missed(hessian: Array, linear: Array, weighted: Array, wanted: Array, within: Bounds) -> Array | None:
     """Return the solution (n,) of (2), with weighted rows weight · a (m, n), wanted: weight · target (m,); None if
     no velocity is within the floors."""
-    u = _solved(hessian, linear, *within)
-    for _ in range(STEPS if u is not None else 0):
+    u = _solved(hessian, linear, within)
+    if u is None:
+        return None
+    for _ in range(STEPS):
         missed = weighted @ u < wanted
         active = weighted[missed]
-        found = _solved(hessian + active.T @ active, linear - active.T @ wanted[missed], *within)
+        found = _solved(hessian + active.T @ active, linear - active.T @ wanted[missed], within)
         if found is None or ((weighted @ found < wanted) == missed).all():
             return u if found is None else found
         step = found - u
         slope, curvature = float((hessian @ u + linear) @ step), float(step @ hessian @ step)
-        length = _lowest(slope, curvature, wanted - weighted @ u, weighted @ step)
-        if length == 0.0:  # rows that are met exactly are missed by rounding
+        share = _lowest(slope, curvature, wanted - weighted @ u, weighted @ step)
+        if share == 0.0:  # rows that are met exactly are missed by rounding
             return u
-        u = u + length * step
+        u = u + share * step
     return u
 
 
@@ -97,22 +100,21 @@ def _lowest(slope: float, curvature: float, missing: Array, gained: Array) -> fl
         return slope + t * curvature - float(np.maximum(missing - t * gained, 0.0) @ gained)
 
     ends = np.divide(missing, gained, out=np.zeros_like(missing), where=gained != 0.0)  # of quadratic pieces
-    pieces = [0.0, *np.unique(ends[(ends > 0.0) & (ends < 1.0)]).tolist(), 1.0]
+    pieces: list[float] = [0.0, *np.unique(ends[(ends > 0.0) & (ends < 1.0)]).tolist(), 1.0]
     after = bisect_left(pieces, 0.0, key=derivative)
     if after in (0, len(pieces)):
         return min(float(after), 1.0)
-    low, high = pieces[after - 1 : after + 1]
-    falls, rises = derivative(low), derivative(high)
-    return low + (high - low) * falls / (falls - rises)
+    first, last = pieces[after - 1 : after + 1]
+    falls, rises = derivative(first), derivative(last)
+    return first + (last - first) * falls / (falls - rises)
 
 
-def _solved(hessian: Array, linear: Array, matrix: Array, low: Array, high: Array, bound: Array) -> Array | None:
-    solution, _, flag, _ = daqp.solve(
-        hessian,
-        linear,
-        np.ascontiguousarray(matrix),
-        np.append(high, np.full(len(matrix), UNBOUNDED)),
-        np.append(low, bound),
-        np.zeros(len(low) + len(matrix), dtype=np.int32),
-    )
+def _bounded(matrix: Array, low: Array, high: Array, bound: Array) -> Bounds:
+    """Return low ≤ u ≤ high, matrix · u ≥ bound as DAQP takes it."""
+    upper = np.concatenate([high, np.full(len(matrix), UNBOUNDED)])
+    return np.ascontiguousarray(matrix), upper, np.concatenate([low, bound]), np.zeros(len(upper), dtype=np.int32)
+
+
+def _solved(hessian: Array, linear: Array, within: Bounds) -> Array | None:
+    solution, _, flag, _ = daqp.solve(hessian, linear, *within)
     return np.array(solution) if flag in SOLVED else None
