@@ -47,14 +47,13 @@ class Executed(ReadOnly):
 
     @property
     def tracking(self) -> Tracking:
-        """The largest errors of each joint, rounded up: what `robot.tracking` of a scene has to say for its proof to
-        hold for what was done. Other motions may have others."""
+        """The largest errors of each joint, rounded up: the `robot.tracking` with which a scene's proof covers the
+        executed motion. Other motions may have other errors."""
         return measured_tracking(self.errors, self.velocity_errors)
 
     @property
     def trajectory(self) -> Trajectory:
-        """The same as a motion: its measured times, positions and velocities. Raises InputError for less than two
-        rows."""
+        """The measured motion: times, positions and velocities. Raises InputError for fewer than two rows."""
         return Trajectory(self.joint_names, self.positions, {}, self.times, self.velocities)
 
 
@@ -77,11 +76,11 @@ class Loop:
     def follow(self, motion: Trajectory, begins: Callable[[StageMark], None] | None = None) -> Executed:
         """Follow a motion with times, from where the arm stands to its end: of a plan, of a job, of another planner.
 
-        Of a job's motion the arm's joints are sent; what else it moves, such as fingers, and the outputs that it sets,
-        are for `begins`, which is called with each stage (`Trajectory.stages`) when it begins.
+        For a job, only the arm's joints are sent; `begins` handles everything else, such as fingers and outputs: it is
+        called with each stage (`Trajectory.stages`) when the stage begins.
 
-        Raises InputError for a motion without times or of other joints, and for an arm that is farther than `most`
-        from where the motion begins; nothing was sent then.
+        Raises InputError for a motion without times or of other joints, and for an arm that is farther than `most` from
+        the beginning of the motion; nothing has been sent then.
         """
         instance(motion, Trajectory, "motion")
         if begins is not None:
@@ -125,13 +124,14 @@ class Loop:
         return self._run(reference)
 
     def replan(self, replanner: Replanner, seconds: float, see: Callable[[float], None] | None = None) -> Executed:
-        """Do what a replanner commands until it arrives, or for a time [s]; then, and on any error, along what it holds
-        until the arm stands.
+        """Execute a replanner's commands until the arm arrives, or for a time [s]; then, and on any error, follow its
+        current motion until the arm stands.
 
-        `see`, if given, is called with the time of the arm's clock before each step, for a simulation that has to say
-        what is seen; on a robot the camera's thread calls `replanner.update`. The replanner's clock is the arm's.
+        `see`, if given, is called with the time of the arm's clock before each step, for a simulation that provides the
+        pictures; on a robot the camera's thread calls `replanner.update`. The replanner's clock is the arm's.
 
-        Raises InputError for a replanner of other joints; and, once the arm stands, what `see` or the replanner raised.
+        Raises InputError for a replanner of other joints; and, once the arm stands, the error that `see` or the
+        replanner raised.
         """
         instance(replanner, Replanner, "replanner")
         seconds = checked(Number(high=1e6, above=0.0, unit="s"), seconds, "seconds")

@@ -61,14 +61,14 @@ class MuJoCoArm:
 
     @classmethod
     def of(cls, scene: Scene, robot: Robot | None = None, model: str | Path | None = None) -> MuJoCoArm:
-        """Make the arm of a scene, at its start; of a job, without what is held.
+        """Return the arm of a scene, at its start; for a job, without held objects.
 
         Args:
             scene: robot, loads and start.
             robot: the scene's robot, if it is already loaded.
-            model: a MuJoCo model file (.xml) in the place of hdplan's robot.
+            model: a MuJoCo model file (.xml) in place of hdplan's robot.
 
-        Raises InputError if MuJoCo is not installed; for a robot without masses, or of which joints follow others; for
+        Raises InputError if MuJoCo is not installed; for a robot without masses, or with joints that follow others; for
         a model that cannot be read, is another robot, or has no position actuators.
         """
         instance(scene, Scene, "scene")
@@ -103,7 +103,7 @@ class MuJoCoArm:
         return (np.full_like(q, np.nan), np.full_like(v, np.nan)) if broken else (q, v)
 
     def send(self, position: Array, velocity: Array) -> None:
-        """Go on by a period, to be at a position (n,) with a velocity (n,) then."""
+        """Simulate one period, in which the drives move to a position (n,) with a velocity (n,)."""
         step = self.period / self._steps
         for left in range(self._steps - 1, -1, -1):  # the reference in the middle of each step
             self._data.ctrl[self._positions] = position - (left + 0.5) * step * velocity
@@ -120,8 +120,8 @@ class MuJoCoArm:
 
     @property
     def torques(self) -> Array:
-        """The drives' torques (k, n) [Nm] or [N] in each period since the arm was placed, before they are cut off at
-        what the drives give."""
+        """The drives' torques (k, n) [Nm] or [N] in each period since the arm was placed, before they are clipped at
+        the drives' limits."""
         return np.array(self._commanded).reshape(-1, len(self.joint_names))
 
 

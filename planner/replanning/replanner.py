@@ -70,11 +70,11 @@ class Measured(NamedTuple):
 
 
 class Replanner:
-    """Moves a robot to its goal in a world that is seen again and again, never without a proven stop.
+    """Moves a robot to its goal in a world that cameras keep updating, never without a proven stop.
 
         replanner = hdplan.Replanner(scene)
         replanner.update(obstacles=seen, at=t_of_the_picture)     # from the camera's thread
-        replanner.state(q, dq)                                    # what was measured
+        replanner.state(q, dq)                                    # the measured state
         command = replanner.step(t)                               # every period; safe to execute to its end
 
     All times are on one clock, such as `time.monotonic()`. `update`, `state`, `aim` and `step` may be called from
@@ -180,7 +180,7 @@ class Replanner:
         self.close()
 
     def close(self) -> None:
-        """End the thread of its own; the last command stays safe."""
+        """End the replanner's own thread; the last command stays safe."""
         with self._steps:
             self._ways.close()
 
@@ -192,18 +192,18 @@ class Replanner:
         *,
         at: float,
     ) -> None:
-        """Take a picture of the world, of any of three kinds; what is left out stays as it was seen before.
+        """Take a picture of the world; arguments that are left out keep their last values.
 
         Args:
-            obstacles: all that is there beside the scene's own obstacles, in the place of what was seen before; one
-                with the name of one of the scene's stands in for it. `motion` may hold a steady velocity and spin that
-                were measured, and `uncertainty` how far it may be off, and how fast it may leave after `at`.
-            cloud: what a camera sees, in the place of the last cloud.
-            poses: where known obstacles are, by name.
-            at: when the picture was taken [s], not when it arrives.
+            obstacles: all obstacles besides the scene's own, in place of those of the last picture; one with the name
+            of a scene's obstacle replaces it. `motion` may hold its measured steady velocity and spin, and
+            `uncertainty` how far it may be off its pose, and how fast it may leave after `at`. cloud: the points of a
+            camera, in place of the last cloud. poses: new poses of known obstacles, by name. at: time of the exposure
+            [s], not of its arrival.
 
-        What it takes is done here and not in a step, so call it in the camera's thread. Raises InputError for obstacles
-        that no scene can have, unknown names, and a picture that is older than the last one; nothing has changed then.
+        The work is done here and not in a step, so call `update` in the camera's thread. Raises InputError for
+        obstacles that no scene can have, unknown names, and a picture that is older than the last one; nothing has
+        changed then.
         """
         at = _moment(at, "at")
         with self._updates:
@@ -226,12 +226,12 @@ class Replanner:
                 self._ask(row, moves=self._hopeful and self._now < self._grid.time(self._held.last))
 
     def state(self, q: ArrayLike, dq: ArrayLike, at: float | None = None) -> None:
-        """Take what was measured of the joints: positions q and velocities dq (n,), at a time [s], by default that of
+        """Take the measured state of the joints: positions q and velocities dq (n,), at a time [s], by default that of
         the last step.
 
-        A robot that is not within `robot.tracking` of its motion brakes along it, and goes on from where it then
-        stands. Raises InputError for wrong numbers of values, NaN, and values that the joints cannot have; the motion
-        that is held stays as it is. So does a state that is older than the last one.
+        A robot that is not within `robot.tracking` of its motion brakes along it, and continues from the place where it
+        then stands. Raises InputError for wrong numbers of values, NaN, and values that the joints cannot have; the
+        current motion stays in force. An older state than the last one raises it, too.
         """
         joints = self.robot.joint_names
         found, rates = joint_numbers("q", q, joints), joint_numbers("dq", dq, joints)
@@ -250,10 +250,9 @@ class Replanner:
             self._measured, self._measured_at = Measured(when, found, rates), when
 
     def step(self, t: float) -> Command:
-        """Return what the robot is to do from now, t [s]: the motion that is held, longer by a piece if that could
-        be proven.
+        """Return the command for now, t [s]: the current motion, extended by a piece if that could be proven.
 
-        Raises InputError for a time that is not a number, or before the last step's.
+        Raises InputError for a time that is not a number, or earlier than the last step.
         """
         began = time.perf_counter()
         t = _moment(t, "t")

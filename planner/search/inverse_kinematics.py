@@ -63,23 +63,23 @@ def inverse_kinematics(
 
     For each of them the certificate's own kinematics proves, up to rounding, that it lies within the joint limits and
     the link within the tolerances. Not proven is that it is free of contact (see `check_configuration`), that a motion
-    leads there, or that no others exist. `hdplan robots NAME` says how they are found: in closed form, to rounding,
+    leads there, or that no others exist. `hdplan robots NAME` shows the method: in closed form, to rounding,
     every branch of six turning joints whose last three axes meet in a point, or of whose axes three are parallel, and
     nearly every one where two neighbours meet; or else, and where the pose is reached within its tolerances alone, by
     search, from the seed, from 24 starts around it and, where these lead nowhere or all branches are wanted, from
-    128 all over the limits, which may miss some or all. Branches in closed form are all there are; of those that are
-    searched any two differ by more than 0.6 rad (or m) in some joint, whole turns aside. An arm with more joints than
-    the pose asks for has families of configurations in place of single ones: some of its joints are held at values
-    around the seed's, and of each family it gives a few members, as far apart. Each joint is as near to the seed as
-    whole turns within its limits let it. The same arguments give the same configurations.
+    128 all over the limits, which may miss some or all. In closed form every branch is found; any two searched ones
+    differ by more than 0.6 rad (or m) in some joint, whole turns aside. An arm with more joints than the pose requires
+    has families of configurations in place of single ones: some of its joints are held at values around the seed's, and
+    a few members of each family are returned, equally far apart. Each joint is as near to the seed as whole turns
+    within its limits allow. The same arguments give the same configurations.
 
     Args:
-        robot: what load_robot returns; or a scene, whose robot it is, with what it holds and its position limits.
+        robot: a robot of load_robot; or a scene, for its robot with held objects and position limits.
         pose: of the link's frame, in the world.
         link: a link that moves, with or without geometry; by default the end effector.
         seed: a configuration (n,); by default the scene's start, or the middle of the robot's joint limits, 0 for a
             joint without limits.
-        all_branches: whether to look for all of them.
+        all_branches: whether to return all branches.
         position_tolerance: how far the link's origin may be away [m].
         orientation_tolerance: how far it may be rotated away, apart from free rotations [rad].
         free_rotation: "none", the axis of the link about which it may rotate freely ("x", "y", "z"), or "all".
