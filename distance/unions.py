@@ -1,4 +1,4 @@
-"""Unions of convex bodies: what is not convex, cut into pieces that are.
+"""Unions of convex bodies: nonconvex bodies, cut into convex pieces.
 
 Of A = ∪ A_k and B = ∪ B_l, which move as one body each, D is the γ-Hölder minimum over the N pairs of pieces,
 

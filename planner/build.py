@@ -1,4 +1,4 @@
-"""Build: from a scene to the problem for a solver. The goal is chosen first, then the problem is laid out."""
+"""Build: from a scene to the problem for a solver. The goal is chosen first, then the problem is assembled."""
 
 from __future__ import annotations
 

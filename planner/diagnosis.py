@@ -1,4 +1,4 @@
-"""Why a problem has no certified motion, found by trying: what it would take for there to be one.
+"""Why a problem has no certified motion, by experiment: the changes with which it would have one.
 
 A problem that is refused says its cause itself. Where no certified motion was found, one thing after another is taken
 away or made more generous, such as the clearance, and planned again: the first that leads to a certified motion is the

@@ -1,4 +1,4 @@
-"""A page of HTML that stands by itself: a file, or a frame in a notebook."""
+"""A self-contained page of HTML: a file, or a frame in a notebook."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The places of a job drawn anew: what is taken stands elsewhere, and is set down elsewhere."""
+"""The places of a job drawn at random: objects are taken and set down elsewhere."""
 
 from __future__ import annotations
 

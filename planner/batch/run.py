@@ -1,4 +1,4 @@
-"""A run: many problems solved into a folder, where nothing that was found is lost.
+"""A run: many problems solved into a folder, where no result is lost.
 
 The folder holds `run.json` (what the run is), `journal` (outcomes as they come) and, once the run ends or is
 interrupted, `results.parquet` (a row a problem) and `motions.parquet` (a row for each joint of each row of a motion).

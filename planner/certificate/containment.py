@@ -1,4 +1,4 @@
-"""Bodies that lie wholly inside the solid that a mesh bounds: distances between surfaces do not show that.
+"""Bodies that lie wholly inside the solid that a mesh bounds, which distances between surfaces do not show.
 
 Let A be bounded by triangles, and B convex or bounded by triangles too. Let no triangle of A meet B, or a triangle of
 B, at any time of a motion: the collision proof shows that, piece by piece, as the pieces that a mesh is cut into

@@ -1,4 +1,4 @@
-"""Infeasibility proofs: that no motion leads from the start to the goal, whatever the joints do.
+"""Infeasibility proofs: that no motion of the joints leads from the start to the goal.
 
 A ball inside a link (`inscribed_balls`) may never meet what stands. If obstacles, and the end of its reach, shut it off
 (`barriers`, `seals`) from every place where a goal has it, no motion leads to that goal. The rest of the link, what the

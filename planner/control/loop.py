@@ -1,4 +1,4 @@
-"""The loop between a motion and an arm, simulated or real: what is commanded, what is measured, and how far it is off.
+"""The loop between a motion and an arm, simulated or real: commands, measurements and errors.
 
 In every period the reference one period ahead is sent; what is measured is held against the reference of that moment.
 An arm that is farther off than it may be is stopped: what was proven says nothing of where it is then.

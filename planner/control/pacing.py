@@ -1,4 +1,4 @@
-"""The pace of a motion that is followed: as fast as the joints' limits of velocity, acceleration and jerk allow.
+"""The speed of a followed motion: as fast as the joints' limits of velocity, acceleration and jerk allow.
 
 A motion in time exceeds a robot's limits where these are lower than the limits of its planning. Over
 s times its duration, velocities are 1/s of theirs, accelerations 1/s², jerks 1/s³, and its curve stays the same. One

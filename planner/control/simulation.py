@@ -1,4 +1,4 @@
-"""A planned motion replayed: what the file commands, and, if the scene has torque limits, what the robot then does.
+"""A planned motion replayed: the file's commands, and, if the scene has torque limits, the robot's response.
 
 Scene and trajectory -> `Simulation`. Without `limits.torque` the replay is kinematic: the file is sampled as a
 controller would, a thousand times a second by its own interpolation rule. With it the robot and its loads are simulated

@@ -1,4 +1,4 @@
-"""Clouds of points as the balls that they stand for, as they are or merged for planning.
+"""Clouds of points as balls, unchanged or merged for planning.
 
 Merging never makes the obstacle smaller: the balls of points in one cube of edge `voxel` become one ball, about the
 middle of the points' bounding box, that contains them.

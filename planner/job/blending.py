@@ -1,4 +1,4 @@
-"""Stages of a job that go over into one another without a stop: their planned motions, as one.
+"""Stages of a job that pass into one another without a stop: their planned motions, as one.
 
 Curves that are blended into one another are timed as one motion from rest to rest along all of them (`compound`). Where
 a move is one of the two, they are blended by their timing: the second begins a while before the first has ended, and

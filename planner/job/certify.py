@@ -1,5 +1,4 @@
-"""The certificate of a job: each stage by itself, from the job's scene and the motion that was driven, and nothing that
-planned them.
+"""The certificate of a job: each stage by itself, from the job's scene and the executed motion alone.
 
 What a stage is certified in, its `World`, follows from where the stages before it really ended: the arm there, objects
 held as they were taken, or lying where they were let go. Stages are parts of one curve, each of which begins at the row

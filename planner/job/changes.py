@@ -1,4 +1,4 @@
-"""The changes that a stage of a job leaves behind: the arm and the fingers elsewhere, an object taken or let go."""
+"""The changes that a stage of a job leaves behind: the arm and the fingers elsewhere, an object gripped or released."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The search over the choices of a job: stage after stage, each from where the last one ended, with another choice
-further back where one cannot be done.
+"""The search over the choices of a job: stage after stage, each from the end of the last one, with another choice
+further back where a stage fails.
 
 A stage whose goal leaves a choice (a pose with several configurations, several grasps) is tried with one configuration
 after the other, the most promising of each pose first. Before a motion to one is planned, the stages up to the next

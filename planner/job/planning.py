@@ -1,4 +1,4 @@
-"""Planning of a job: a search for motions of all its stages, which are blended, joined and certified as driven."""
+"""Planning of a job: a search for motions of all its stages, which are blended, joined and certified as executed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motion of a job, replayed stage by stage: each in its own scene, with what is held and may touch then.
+"""The motion of a job, replayed stage by stage: each in its own scene, with its held objects and allowed contacts.
 
 Scene and motion -> `JobSimulation`. A plant (`control.simulation`) executes each stage of the arm from where it begins;
 fingers have no drives there, and are replayed as the motion has them.

@@ -1,4 +1,4 @@
-"""The scene of a single motion that a stage of a job makes of what there is before it.
+"""The scene of a single motion, for a stage of a job in the world before it.
 
 It is one like any other: it is planned, certified, proven and drawn as such. The arm starts where the last stage ended.
 What is held is `attached`, what was let go is an obstacle where it was let go. Fingers that are not moved are held. An

@@ -1,4 +1,4 @@
-"""The world in which a stage of a job begins: the robot, what it holds, and what stands around it."""
+"""The world in which a stage of a job begins: the robot, its held objects, and the obstacles around it."""
 
 from __future__ import annotations
 

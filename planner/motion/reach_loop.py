@@ -1,4 +1,4 @@
-"""The reach ρ of many bodies in loops of C: `Chain.reach_around` and `Chain.local_reach`, to rounding the same."""
+"""The reach ρ of many bodies in loops of C: `Chain.reach_around` and `Chain.local_reach`, equal but for rounding."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""A scene, a motion through it, its proof and its page as one archive that travels: whoever unpacks it plans, checks
-and looks at the same things.
+"""A scene, a motion through it, its proof and its page as one archive: after unpacking it, anybody can plan, check and
+view the same things.
 
 Everything in it is about the files in it: they are written, read again, certified and proven before they are packed.
 """

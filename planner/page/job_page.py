@@ -1,5 +1,5 @@
-"""A job as a page: one motion of arm and fingers with its stages on the timeline, in a scene in which what is held
-moves with the hand and what was let go stays.
+"""A job as a page: one motion of arm and fingers with its stages on the timeline, in a scene in which held objects move
+with the hand and released objects stay.
 
 That scene is for the eye alone. What is proven, and what is close, is that of each stage's own scene, in which some
 pairs may touch.

@@ -1,4 +1,4 @@
-"""Lay out the problem of a scene: its bodies, the pairs that can meet, and the scene's terms.
+"""Assemble the problem of a scene: its bodies, the pairs that can meet, and the scene's terms.
 
 With `planner.swept`, clearance from obstacles is measured to hulls swept between waypoints (`swept_clearance`), not at
 samples.

@@ -1,4 +1,4 @@
-"""A term of one's own, in CasADi alone: a cost, a penalty or a hard constraint at each waypoint between the ends.
+"""A term of the user's own, in CasADi alone: a cost, a penalty or a hard constraint at each waypoint between the ends.
 
 In: expressions of a waypoint q_k (n,) and of the step d_k to the next. Out: a term like any other, in C, with CasADi's
 derivatives. With h = 1/(N − 1) and the sums over the N − 2 waypoints between the ends

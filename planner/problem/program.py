@@ -1,4 +1,4 @@
-"""The problem as a CasADi program, for interior-point solvers and for costs and constraints of one's own.
+"""The problem as a CasADi program, for interior-point solvers and for the user's own costs and constraints.
 
 It is written stage by stage, as optimal control is: stage k = 0 … N − 2 has the waypoint q_k and the step d_k = q_{k+1}
 − q_k as states and the change of step a_k as control, with h = 1/(N − 1) and α as in `Smoothness`:

@@ -1,4 +1,4 @@
-"""The world in which hdplan planned and certified a motion, as `docs/world.md` has it: from the objects in memory.
+"""The world in which hdplan planned and certified a motion, as in `docs/world.md`: from the objects in memory.
 
 All of it comes from what the certificate uses: the robot's reduced model, its geometry and pairs, the scene's shapes,
 limits and targets. No file is read again, so that a checker's own reading of the files is compared with what was

@@ -1,4 +1,4 @@
-"""Commands: what a robot is to do from now on, whatever happens next."""
+"""Commands: the motion of a robot from now until standstill, whatever happens next."""
 
 from __future__ import annotations
 

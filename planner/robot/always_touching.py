@@ -1,4 +1,4 @@
-"""Pairs of links that touch whatever the joints between them do: a proof, by balls inside both.
+"""Pairs of links that touch at all values of the joints between them: a proof, by balls inside both.
 
 Inside each link lie balls B(c, r): c deep in the solid, r less than the distance to its surface; points of the surface
 are balls of radius 0. Two balls have a point in common while |c − c'| < r + r', so the links touch at a configuration q

@@ -1,4 +1,4 @@
-"""The joints of a robot that are planned: those that `robot.group` asks for, or else the arm's."""
+"""The joints of a robot that are planned: those that `robot.group` names, or else the arm's."""
 
 from __future__ import annotations
 

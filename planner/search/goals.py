@@ -1,5 +1,5 @@
-"""Goal configurations where the goal leaves a choice: those that reach it (`inverse_kinematics`) and are free, best
-first. Arms whose every branch a closed form gives are not searched, but where none of these is free.
+"""Goal configurations where the goal leaves a choice: configurations that reach it (`inverse_kinematics`) and are free,
+best first. Arms whose every branch a closed form gives are not searched, but where none of these is free.
 
 They are ordered by joint-space distance from the start, or by the time that it takes where time is the objective, times
 up to 2 where obstacles are close. The planner's

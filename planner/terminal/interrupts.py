@@ -1,4 +1,4 @@
-"""Ctrl-C and `kill`: a command ends promptly and cleanly, whatever it is doing.
+"""Ctrl-C and `kill`: a command ends promptly and cleanly at any time.
 
 Python drops an exception that is raised in a destructor or in a callback of a C library, and the command would continue
 as if nothing had happened. So the exception is raised again until it propagates; a command that already has something

@@ -1,4 +1,4 @@
-"""A motion that does not begin or end at rest: a motion from rest to rest, and what brakes the robot, added up.
+"""A motion that does not begin or end at rest: the sum of a motion from rest to rest and of braking.
 
 At its start the robot brakes as fast as it can (`braking`), to where it would come to stand; from there a path is
 planned and timed from rest to rest; and it comes to its goal's rates as it would brake, backwards. With p the motion

@@ -1,5 +1,4 @@
-"""Whole problems in JAX: the cost of motions, for any number of problems and guesses at once, on whatever device there
-is.
+"""Whole problems in JAX: the cost of motions, for any number of problems and guesses at once, on any device.
 
 A pure function of arrays without callbacks, for `jit`, `vmap` and `grad` in any order. It has the planner's own pairs,
 margins and samples, and is held to `Problem.evaluate`.

@@ -1,4 +1,4 @@
-"""OBJ: vertices and faces, among much that is for renderers."""
+"""OBJ: vertices and faces, among entries for renderers."""
 
 from __future__ import annotations
 
