@@ -65,12 +65,12 @@ def trusted() -> bool:
     return why is None
 
 
-_trusted: set[Path] = set()  # folders that exist and were looked at in this process
+_trusted: set[Path] = set()  # folders that exist and were examined in this process
 
 
 def _open_to(home: Path) -> str | None:
-    """Say which folder others may write, of the cache's and all above it; None if they may none. In one like /tmp
-    (sticky) others can add what is theirs, but not change what is the user's."""
+    """Return, in words, which folder others may write, of the cache's and all above it; None if they may none. In one
+    like /tmp (sticky) others can add what is theirs, but not change what is the user's."""
     if sys.platform == "win32":  # where a user's folders are the user's
         return None
     home = home.resolve()

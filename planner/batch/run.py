@@ -41,7 +41,7 @@ def run_into(
     report: Callable[[int, int, Outcome], None] = lambda done, of, outcome: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> bool:
-    """Solve problems into a folder, going on where an earlier run of the same problems stopped.
+    """Solve problems into a folder, continuing where an earlier run of the same problems stopped.
 
     `report` is called with the number of problems done, of all, and each outcome; once `stop` returns True the run ends
     with what is there. Returns whether all problems are done. Raises InputError if the folder holds another run, or

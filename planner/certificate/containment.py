@@ -37,7 +37,7 @@ class Containment:
 
     def __init__(self, bodies: Bodies, pairs: Pairs) -> None:
         """Collect the queries: every pair of bodies one of which is bounded by triangles. Of a cloud every ball is a
-        part, so that the parts of a body are looked at only where the body is near the solid."""
+        part, so that the parts of a body are examined only where the body is near the solid."""
         self.bodies = bodies
         first: dict[object, int] = {}  # the first of all pieces cut from one mesh stands for them
         whole = np.array([first.setdefault(_identity(body), row) for row, body in enumerate(bodies.bodies)], np.int64)

@@ -33,7 +33,7 @@ MOST_POINTS = 12_000  # of a barrier: it takes half a second then
 END_RADII = (20.0, 40.0, 80.0)  # radii from an end up to which there are points, if they are not too many
 BALL_ERROR = 1e-4  # [m] by which a ball may be off where a configuration is reached up to rounding
 BETWEEN_POINTS = 1.1  # radii from the nearest point within which a ball may touch what is between points
-PLACES_BETWEEN = 4  # places of a ball looked at between two waypoints
+PLACES_BETWEEN = 4  # places of a ball examined between two waypoints
 NAMED_OBSTACLES = 3  # obstacles in words
 
 Target = JointTarget | PoseTarget | AllOf
@@ -64,7 +64,7 @@ def looks(
     `required` [m] exists, and that is proven by then, or nothing.
 
     tried: motions (N, n) to a goal, by its field, which were not certified. A ball that one of them certainly brings to
-    the goal is skipped. suspects: links whose balls are looked at first.
+    the goal is skipped. suspects: links whose balls are examined first.
     """
     goal = certifier.scene.goal
     open_, found = list(goal.targets if isinstance(goal, Goals) else (goal,)), list[Shut]()
@@ -141,7 +141,7 @@ class Cage(ReadOnly):
         )
 
     def shut(self, seal: Rows, field: str) -> Shut:
-        """Say what shuts the ball off from a goal."""
+        """Return, in words, what shuts the ball off from a goal."""
         counts = np.bincount(self.owner[seal], minlength=len(self.names))
         rows = [row for row in np.argsort(-counts, kind="stable").tolist() if counts[row]]
         names = list(dict.fromkeys(self.names[row] for row in rows))

@@ -11,7 +11,7 @@ so that a blocked robot is not drawn through what blocks it. v, the velocity bes
 
 from which a joint can brake at e = 0, and nears it without passing it (`Rates.toward`), with half of the joint's
 acceleration A and jerk J; so it passes neither. The controller takes the velocity closest to u* that its
-barriers allow (`controller`). A trajectory that asks for more than the joints' limits is slowed evenly, a path without
+barriers allow (`controller`). A trajectory that requires more than the joints' limits is slowed evenly, a path without
 times is followed from rest to rest, at half of them or over the scene's `timing.duration` (`pacing`). The joints follow
 the commands smoothly, one period behind (`Run.executed`): that motion, with its velocities and accelerations, is saved,
 and certified as by `hdplan check`.
@@ -63,7 +63,7 @@ class Followed:
     away: float  # the farthest that a joint was from the trajectory at the same phase [rad] or [m]
     held: float  # how long it was HELD_UP_ERROR or more from it [s]
     unguarded: tuple[tuple[str, str], ...] = ()  # link pairs that the controller does not check
-    slowed: float = 1.0  # times as long as in the file: it asks for more than the limits allow
+    slowed: float = 1.0  # times as long as in the file: it requires more than the limits allow
 
     @property
     def succeeded(self) -> bool:

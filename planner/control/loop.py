@@ -192,7 +192,7 @@ class Loop:
         """Return whether the arm may go over to a new command: where both are the same, or both stand, and the arm is
         as near to the new one as to the old one, or within its lags (n,). A command that comes so late that its motion
         has left the old one is passed over: the arm brakes along the old one, and the replanner, which then measures
-        that it is off, goes on from where it stands."""
+        that it is off, continues from where it stands."""
         one, other = old.at(now), new.at(now)
         if np.abs(one.positions - other.positions).max() <= SAME_COMMAND:
             return True

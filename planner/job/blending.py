@@ -7,7 +7,7 @@ in the meantime both add up,
     q(t) = q₁(t) + q₂(t − T₁ + τ) − q,    q where the first ends and the second begins,
 
 with the longest τ for which the link stays within the radius, and the limits hold, for which moves may be slowed; a
-shorter one, where that does not lead to a certificate. Where the path of such a sum, timed anew (`timed_anew`), is
+shorter one, where that does not lead to a certificate. Where the path of such a sum, timed again (`timed_anew`), is
 driven sooner, and certified, it takes its place. The marks of stages are at the middles of the blends; each is
 certified as it is driven.
 """
@@ -162,8 +162,9 @@ def _ways(
     overlaps: Sequence[float],
     in_time: Callable[[], None],
 ) -> Iterator[list[Trajectory]]:
-    """Yield the motions of all stages: where units overlap, first along their sums, timed anew, from units that are not
-    slowed, and then these sums, the longest overlaps first; shorter ones lead to a certificate where these do not."""
+    """Yield the motions of all stages: where units overlap, first along their sums, timed again, from units that are
+    not slowed, and then these sums, the longest overlaps first; shorter ones lead to a certificate where these do
+    not."""
     if overlaps:
         yield from _sooner(worlds, group, runs, apart, _added(units, overlaps)[0], in_time)
     for share in OVERLAP_SHARES if overlaps else OVERLAP_SHARES[:1]:
@@ -314,7 +315,7 @@ def _sooner(
     in_time: Callable[[], None],
 ) -> Iterator[list[Trajectory]]:
     """Yield the motions of all stages that are driven along the sums of units, as far as these may overlap by their
-    radii, timed anew, where that takes less time than a motion does; the quickest first. There are none where tools
+    radii, timed again, where that takes less time than a motion does; the quickest first. There are none where tools
     have speeds of their own, or curves are blended into one another: these need more than a path."""
     assert worlds[0].scene.job is not None
     curves = [stage for k in group if isinstance(stage := worlds[0].scene.job.stages[k], Curve)]

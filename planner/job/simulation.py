@@ -67,7 +67,7 @@ class JobSimulation:
         return [each.execution for stage, each in self.stages if stage.arm is None and each.execution is not None]
 
     def summary(self) -> dict[str, Any]:
-        """Return the same as one JSON object, each stage as `Simulation.summary` has it."""
+        """Return all of it as one JSON object, each stage as `Simulation.summary` has it."""
         return {
             "status": "succeeded" if self.succeeded else "failed",
             "text": self.text,

@@ -110,7 +110,7 @@ class Trajectory:
             )
 
     def __repr__(self) -> str:
-        """Say how long it is, and which joints it moves."""
+        """Return, in words, how long it is, and which joints it moves."""
         return f"<Trajectory: {self.extent} of {', '.join(self.joint_names)}>"
 
     @cached_property

@@ -222,7 +222,7 @@ def exactly(problem: Problem) -> Problem:
 
 
 def _with_own(problem: Problem, anew: Problem) -> Problem:
-    """Give a problem that was laid out anew the user's own terms, and distances as exact."""
+    """Give a problem that was assembled again the user's own terms, and distances as exact."""
     anew = exactly(anew) if problem.exact else anew
     return replace(anew, terms=replace(anew.terms, own=problem.terms.own, costs=problem.terms.costs))
 

@@ -40,7 +40,7 @@ MOST_BALLS = 40  # of one geometry
 MOST_CORNERS = 200  # vertices of one mesh that count as balls of radius 0
 MOST_TRIANGLES = 2000  # of a mesh that is examined
 CENTRE_SPACING = 0.6  # of a ball's radius: centres within are not tried, as their balls are nearly in it
-MOST_CELLS = 150  # looked at for one pair; if they do not do, the pair is not proven
+MOST_CELLS = 150  # examined for one pair; if they do not do, the pair is not proven
 
 
 def always_touching(robot: Robot, pairs: Iterable[LinkPair], room: float) -> tuple[LinkPair, ...]:

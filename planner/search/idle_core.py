@@ -16,7 +16,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from types import TracebackType
 from typing import Generic, TypeVar
 
-POLL_PERIOD = 0.02  # [s] between two looks at whether a search is over while it waits for an item
+POLL_PERIOD = 0.02  # [s] between two checks whether a search is over while it waits for an item
 
 Item = TypeVar("Item")
 

@@ -247,8 +247,8 @@ def _centred(aim: Aim, q: Array) -> Array:
 
 
 def _drawn_near(aim: Aim, q: Array, start: Array) -> Array:
-    """Move configurations (B, n) that reach the aim towards `start` as far as they go on reaching it: along the arm's
-    self-motion and its free rotations, the part of the way that moves no link that counts."""
+    """Move configurations (B, n) that reach the aim towards `start` as far as they continue reaching it: along the
+    arm's self-motion and its free rotations, the part of the way that moves no link that counts."""
     if aim.loops:
         return aim.loops.draw_near(q, start, DRAWS, BACK, ENOUGH)
     error, jacobian = aim.linearized(q)

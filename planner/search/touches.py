@@ -69,7 +69,7 @@ def touched(search: Search, solution: Solution) -> Sequence[Solution] | None:
 
 
 def once_more(search: Search, path: Array) -> Solution | None:
-    """Return what the last motion (N, n), which was bettered when it was planned, leads to in a scene that changed a
+    """Return what the last motion (N, n), which was improved when it was planned, leads to in a scene that changed a
     little; None if it is not clear."""
     problem, quick = search.problem, search.objective.name == "time"
     near = closer(problem, (CLOSEST_SHARE if quick else CLOSER_ACTIVATION) * problem.scene.planner.activation, quick)

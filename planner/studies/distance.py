@@ -107,7 +107,7 @@ def union_row(each: Cut) -> dict[str, Cell]:
 
 
 def _union_record(each: Cut) -> dict[str, Cell]:
-    """Return the same with full precision, for the CSV."""
+    """Return a copy with full precision, for the CSV."""
     return {
         "body": each.body,
         "pieces": each.pieces,

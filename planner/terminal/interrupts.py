@@ -110,7 +110,7 @@ class Note:
         self.before = signal.getsignal(signal.SIGINT) or signal.SIG_DFL
 
     def __call__(self) -> None:
-        """Begin to note, in the place of a solver's own handler too, or begin again after a library has restored the
+        """Begin to note, in place of a solver's own handler too, or begin again after a library has restored the
         handler."""
         if not self._event.is_set() and signal.getsignal(signal.SIGINT) != self._note:
             signal.signal(signal.SIGINT, self._note)
