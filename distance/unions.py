@@ -55,7 +55,7 @@ class BodyUnion:
     pieces: tuple[ConvexBody, ...]  # at least one
 
     def __repr__(self) -> str:
-        """Say of how many it is."""
+        """Return the number of its pieces, for display."""
         count = len(self.pieces)
         return f"<BodyUnion: {count} {'piece' if count == 1 else 'pieces'}>"
 

@@ -109,7 +109,7 @@ def diagnose(
 
 
 def _measured(result: PlanResult) -> str:
-    """Return what came of a trial."""
+    """Return the outcome of a trial."""
     duration = result.trajectory.duration
     lasts = "" if duration is None else f", {duration:.3g} s long"
     return f"{result.certificate.text}{lasts}"

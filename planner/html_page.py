@@ -31,5 +31,5 @@ class HtmlPage:
         write_output(file, self.html.encode())
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: the page in a frame."""
+        """Return the HTML of a notebook: the page in a frame."""
         return FRAME.format(html.escape(self.html), HEIGHT, html.escape(self.title))

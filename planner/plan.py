@@ -250,7 +250,8 @@ def _retimer(setup: Setup, certifier: Certifier) -> Retimer | None:
 
 
 def _slide(certifier: Certifier, goal: JointTarget, required: float) -> Slide | None:
-    """Return what moves a motion's end along the goal set, if there is a choice and the motion is to be improved."""
+    """Return the function that moves a motion's end along the goal set, if there is a choice and the motion is
+    improved."""
     if isinstance(certifier.scene.goal, JointTarget) or not certifier.scene.polish:
         return None
     from hdplan.planner.search.goal_slide import sliding

@@ -73,7 +73,7 @@ def export_lerobot(folder: Path, jobs: Sequence[Job], options: Options, fps: int
 
 
 def _does(outcome: Outcome) -> str:
-    """Return what a motion does, in words: of a job the names of its stages."""
+    """Return a description of a motion: the names of a job's stages."""
     marks = () if outcome.trajectory is None else outcome.trajectory.stages
     return ", ".join(mark.name for mark in marks) or "move from start to goal"
 
@@ -102,7 +102,7 @@ def claimed(folder: Path, jobs: Sequence[Job], options: Options) -> Iterator[Jou
 
 
 def read_run(folder: FilePath) -> dict[str, Any]:
-    """Return what a run is. Raises InputError if the folder holds none."""
+    """Return the description of a run. Raises InputError if the folder holds none."""
     about = Path(folder) / RUN
     if not os.path.isfile(about):
         raise InputError(f"{folder}: is not the folder of a run ({RUN} is missing)")

@@ -31,7 +31,7 @@ ROUNDING = 1e-6  # [m]
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """A cylinder, in the world, in which a point of a link stays for all joint values."""
+    """A cylinder, in the world, in which a point of a link stays at all joint values."""
 
     origin: Array  # (3,)
     axis: Array  # (3,) unit

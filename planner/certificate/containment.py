@@ -101,7 +101,7 @@ class Containment:
 
 
 def _identity(body: Body) -> object:
-    """Return what all pieces cut from one mesh have in common."""
+    """Return the key that all pieces cut from one mesh share."""
     surface = body.piece.surface
     if surface is None:
         return id(body)

@@ -141,7 +141,7 @@ class Cage(ReadOnly):
         )
 
     def shut(self, seal: Rows, field: str) -> Shut:
-        """Return, in words, what shuts the ball off from a goal."""
+        """Return the obstacles that shut the ball off from a goal, in words."""
         counts = np.bincount(self.owner[seal], minlength=len(self.names))
         rows = [row for row in np.argsort(-counts, kind="stable").tolist() if counts[row]]
         names = list(dict.fromkeys(self.names[row] for row in rows))

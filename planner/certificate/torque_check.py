@@ -79,7 +79,7 @@ class TorquesFound:
         return int(shares.argmax())
 
     def finding(self, curve: Curve) -> LimitFinding:
-        """Return how much of the limits the checked curve uses, and what is wrong."""
+        """Return the share of the limits that the checked curve uses, and its violations."""
         joint, last = self.worst, len(curve) - 2
         interval = min(int(curve.parameter_of(self.times[joint]) * (last + 1)), last)
         share = float(self.proven[joint] / self.limits[joint])

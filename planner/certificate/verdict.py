@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Status(Enum):
-    """The verdict; `remedy` says what to do about it."""
+    """The verdict; `remedy` is advice."""
 
     CERTIFIED = "certified"
     WRONG_ENDS = "wrong_ends"

@@ -78,7 +78,7 @@ class Followed:
         return f"arrived after {self.arrived:.1f} s, {self.arrived - self.duration:.1f} s later than the trajectory"
 
     def rows(self) -> list[tuple[str, str]]:
-        """Return what happened as rows of a table."""
+        """Return the outcome as rows of a table."""
         seconds = self.run.step_seconds
         counted = ", ".join(f"{count} {mode.value}" for mode, count in self.run.counted.most_common())
         unguarded = ", ".join(f"{a} and {b}" for a, b in self.unguarded)

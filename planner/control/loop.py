@@ -202,7 +202,7 @@ class Loop:
         return bool((np.abs(other.positions - q) <= np.maximum(np.abs(one.positions - q), lags)).all())
 
     def _run(self, reference: Reference, commands: Sequence[Command] = ()) -> Executed:
-        """Send references until they end, or until the arm is too far off; whatever goes wrong, the arm is stopped."""
+        """Send references until they end, or until the arm is too far off; on any error the arm is stopped."""
         began, rows, why, ended = self.arm.time(), list[tuple[Array, ...]](), "", False
         times: list[float] = []
         try:

@@ -27,7 +27,7 @@ REACH = 5e-3  # [m] greatest distance between a gripper and an object that it ta
 
 
 def after(world: World, number: int, robot: Robot, q: Array) -> World:
-    """Return what there is after a stage whose motion ends at joint values q (n,) of its own scene's robot. Raises
+    """Return the world after a stage whose motion ends at joint values q (n,) of its own scene's robot. Raises
     InputError for an object that is out of reach, and for fingers that carry what another hand holds, too."""
     assert world.scene.job is not None
     stage = world.scene.job.stages[number]

@@ -68,7 +68,7 @@ class Aims:
         self._left = iter(goals)
 
     def __iter__(self) -> Iterator[JointTarget]:
-        """Yield what was found, and seek more."""
+        """Yield the motions found so far, and seek more."""
         for i in itertools.count():
             if i == len(self._found):
                 if (goal := next(self._left, None)) is None:

@@ -172,7 +172,7 @@ def _touching(world: World, stage: Stage) -> tuple[tuple[Obstacle, ...], tuple[A
 
 
 def _check_object(world: World, stage: Grip | Release) -> None:
-    """Refuse to take hold of what is not there, and to release what is not held."""
+    """Refuse to grip a missing object, and to release an object that is not held."""
     if stage.object is not None and isinstance(stage, Release):
         world.holding(stage.object)
     elif stage.object is not None and stage.object not in {each.name for each in world.held}:

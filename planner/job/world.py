@@ -56,7 +56,7 @@ class World:
 
     @classmethod
     def at_first(cls, scene: Scene) -> World:
-        """Return what there is before the first stage. Raises InputError for a scene without a job that can be
+        """Return the world before the first stage. Raises InputError for a scene without a job that can be
         planned."""
         if scene.job is None:
             raise InputError(f"{scene.source}: job: is missing; hdplan.plan is for a single motion")

@@ -48,7 +48,7 @@ Save = Callable[[Path, Certificate], None]
 
 @dataclass(frozen=True)
 class Archive:
-    """A zip file's content, and what its proof says."""
+    """A zip file's content, and the verdict on its proof."""
 
     data: bytes
     text: str

@@ -50,7 +50,7 @@ class AtSamples:
     def __init__(
         self, kinematics: Kinematics, counts: Rows, fraction: Array, weight: Array, terms: Sequence[Record]
     ) -> None:
-        """Take what stays: samples as `Samples` says, and a `term` for each."""
+        """Take the constant part: samples as in `Samples`, and a `term` for each."""
         self.shape = len(weight), kinematics.n, kinematics.nj
         self.record = Record("motion", kinematics.tree, counts, fraction, weight, tuple(terms))
 

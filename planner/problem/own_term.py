@@ -227,7 +227,7 @@ class WrittenTerm(Term):
         return MotionPenalty(found.cost, spread, diagonal, coupling, found.depth)
 
     def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> None:
-        """Nothing at the samples."""
+        """Zero: the term has no part at the samples."""
 
     def second_order_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array]:
         """The same with all joints of the model."""

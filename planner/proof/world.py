@@ -85,7 +85,7 @@ def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
 
 
 def _also(scene: Scene) -> list[str]:
-    """Return what else the scene wants, which no world can hold."""
+    """Return the scene's further requirements, which no world can hold."""
     slower = scene.timing is not None and scene.timing.scale != 1.0
     return ["planner.objective"] * (scene.planner.objective is not None) + ["timing.scale"] * slower
 
@@ -158,7 +158,7 @@ def _body(robot: Robot, name: str, kind: str, item: Any, shape: Plain) -> Plain:
 
 
 def _loads(setup: Setup) -> Plain:
-    """Return what each joint carries up to the next ones, where torques are limited."""
+    """Return the load of each joint, up to the next ones, where torques are limited."""
     if "torque" not in setup.limits:
         return {}
     found = []

@@ -43,7 +43,7 @@ class Command(ReadOnly):
     seconds: float  # that the step took
 
     def __repr__(self) -> str:
-        """Say the mode, and why."""
+        """Return the mode and the reason, for display."""
         return f"<Command at {self.time:.6g} s: {self.mode.value}{f', {self.why}' if self.why else ''}>"
 
     def at(self, t: ArrayLike) -> Samples:

@@ -151,7 +151,7 @@ class Replanner:
         self._picture = Picture(self._seen, self.robot, start)
 
     def __repr__(self) -> str:
-        """Say for which robot it is."""
+        """Return its robot, for display."""
         return f"<Replanner of {self.robot.name}: every {self._period:g} s>"
 
     @property
@@ -271,7 +271,7 @@ class Replanner:
             return self._command(t, why, time.perf_counter() - began)
 
     def _ask(self, row: int, moves: bool) -> None:
-        """Ask about the way, for a course that continues from a row of the clock."""
+        """Request a check of the way, for a course that continues from a row of the clock."""
         self._ways.ask(self._scene, self._seen, self._now, self._horizon, self._held, self._course, row, moves)
 
     # --- a step -------------------------------------------------------------------------------------------------------

@@ -78,7 +78,7 @@ class Setup:
 
     @classmethod
     def _read(cls, scene: Scene, robot: Robot) -> Setup:
-        """Read the files of a scene with its robot, and leave out what it asks to ignore."""
+        """Read the files of a scene with its robot, and leave out the points that it ignores."""
         requested = _with_links(scene, robot)
         read = opened(requested)
         seen = self_filtered(requested, read, robot)
@@ -89,7 +89,7 @@ class Setup:
         return cls(seen.scene, robot, units=units, ignored=seen.notes, filtered_points=seen.points, requested=requested)
 
     def seeing(self, requested: Scene) -> Setup:
-        """Return the same robot, which was checked, in its scene seen again: with other obstacles, or another start.
+        """Return the same robot, which was checked, in an updated scene: with other obstacles, or another start.
         Raises InputError for files that cannot be used."""
         return Setup._read(requested, self.robot)
 
@@ -123,7 +123,7 @@ class Setup:
 
     @cached_property
     def rates(self) -> tuple[EndRates | None, EndRates | None]:
-        """Rates of the robot at the scene's start and goal; None for an end that requires nothing, at rest.
+        """Rates of the robot at the scene's start and goal; None for an end at rest.
         Raises InputError, naming the scene's file, for rates that do not fit the robot."""
         scene = self.scene
         with naming(scene.source):

@@ -53,7 +53,7 @@ class IdleCore:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        """End the work under way, which nobody needs any more."""
+        """End the work under way, which is no longer needed."""
         self._left.set()
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)

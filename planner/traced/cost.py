@@ -47,7 +47,7 @@ class JaxCost:
     tables: Tables
 
     def __repr__(self) -> str:
-        """Say the sizes."""
+        """Return the sizes, for display."""
         count = f"{len(self.tables.smoothness)} problems" if self._several else "one problem"
         pairs, samples = sum(table.place.shape[-1] for table in self.tables.pairs), self.tables.share.shape[-1]
         return f"<JaxCost of {count}: {self.structure.waypoints} waypoints, {pairs} pairs at {samples} samples>"
