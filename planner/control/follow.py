@@ -180,8 +180,8 @@ class FollowTask:
         error = wanted - q
         behind = float(np.abs(error).max())
         self.behind.append(behind)
-        pace = max(0.0, 1.0 - behind / STOPPING_LAG)
-        self.phase = min(self.phase + pace * period, self.duration)
+        share = max(0.0, 1.0 - behind / STOPPING_LAG)
+        self.phase = min(self.phase + share * period, self.duration)
         return np.eye(len(q)), -((self._at(self.phase) - wanted) / period + self._catching_up(error))
 
     def _catching_up(self, error: Array) -> Array:

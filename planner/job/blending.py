@@ -40,7 +40,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.planner.timing.time_optimal import grid
-from hdplan.planner.timing.tool_limit import Pace, ToolLimit
+from hdplan.planner.timing.tool_limit import ToolLimit, ToolRates
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Circle, Curve
 from hdplan.scenes.errors import HdplanError, InputError
@@ -56,7 +56,7 @@ TIME_FACTORS = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5)  # times as long as they w
 DENSITY_FACTORS = (1, 4, 12)  # times as many configurations along curves
 ROUNDING = 1e-9  # of a limit
 LEAST_ROW_GAP = 1e-4  # [s] least distance of an inserted row from others: rounding would count in accelerations
-BEYOND_MIDDLE = 0.2  # share of half a blend for which a pace is planned beyond its middle
+BEYOND_MIDDLE = 0.2  # share of half a blend for which a part's tool rates are planned beyond its middle
 STEPS = 8  # of looking for a row
 
 
@@ -227,9 +227,9 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
         )
         waypoints = Trajectory(robot.joint_names, rows, robot.locked)
         drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
-        paces = _paces(path, driven, first, last)
-        rated = any(each is not None for pace in paces for each in (pace.speed, pace.acceleration))
-        paced = (retimer.with_limit(ToolLimit(robot, path.link, paces)) if rated else retimer).with_shares(
+        parts = _tool_rates(path, driven, first, last)
+        rated = any(each is not None for part in parts for each in (part.speed, part.acceleration))
+        paced = (retimer.with_limit(ToolLimit(robot, path.link, parts)) if rated else retimer).with_shares(
             speeds[np.searchsorted(path.middles, first + grid() * (last - first), side="right")]
         )
         timed = paced.along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))
@@ -254,9 +254,9 @@ def _from_to(rows: Array, begins: Array | None, ends: Array | None) -> Array:
     return np.asarray(rows + off + (0.0 if ends is None else faded * (ends - rows[-1])))
 
 
-def _paces(path: Path, driven: Sequence[Driven], first: float, last: float) -> list[Pace]:
-    """Return the paces of a path between two lengths of it: each stage's from the middle of the blend before it to that
-    of the blend after it, planned for a little beyond both, as the law's averaging blurs where one ends."""
+def _tool_rates(path: Path, driven: Sequence[Driven], first: float, last: float) -> list[ToolRates]:
+    """Return the tool rates of a path between two lengths of it: each stage's from the middle of the blend before it to
+    that of the blend after it, planned for a little beyond both, as the law's averaging blurs where one ends."""
     found, middles = [], [0.0, *path.middles, path.cuts[-1]]
     for k, each in enumerate(driven):
         if middles[k + 1] <= first or middles[k] >= last:
@@ -267,7 +267,7 @@ def _paces(path: Path, driven: Sequence[Driven], first: float, last: float) -> l
         )
         begin, end = ((reach - first) / (last - first) for reach in reaches)
         begins = path.rows(np.array([middles[k]]))[0] if middles[k] > first else None
-        found.append(Pace(each.leg.speed, each.leg.acceleration, (begin, end), begins))
+        found.append(ToolRates(each.leg.speed, each.leg.acceleration, (begin, end), begins))
     return found
 
 

@@ -71,14 +71,14 @@ def ways_along(
     """Yield ways (layers, n) along a curve, the best first: from `start` (n,), or from wherever it can be begun, in
     which case each begins elsewhere. `quick` (n,) are the joints' greatest speeds; `finer` is how many times as many
     layers there are, and values of joints that are held for a closed form; `close`, whether there are more of these
-    where configurations would be far apart. Raises NotFollowedError, which says how far one gets, and how densely was
-    looked, where there is none."""
+    where configurations would be far apart. Raises NotFollowedError, with how far a way leads and how dense the search
+    was, where there is none."""
     count = int(np.clip(np.ceil(length / SPACING * finer), LEAST_LAYERS, MOST_LAYERS))
     poses, (low, high) = spread(follow, 2 * count - 1), inner_limits(robot)
     found = _configurations(robot, start, follow, poses_of(poses[::2]), np.random.default_rng(seed), finer, close)
-    pace = quick / quick.max()
-    layers = Layers(robot, found, pace)
-    places = Places.of(robot, follow, poses, pace, low, high)
+    speeds = quick / quick.max()
+    layers = Layers(robot, found, speeds)
+    places = Places.of(robot, follow, poses, speeds, low, high)
     farthest, yielded = 0.0, False
     for _ in range(MOST_WAYS):
         way = layers.cheapest()

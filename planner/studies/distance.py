@@ -150,9 +150,7 @@ def _advice(means: Sequence[Entry], choice: Entry) -> list[tuple[str, str]]:
         advice.append((what, f"{why}; error near contact{', bend' * (choice.bend is not None)}: {reads}"))
     worst = max(means, key=lambda e: e.sign_lost)
     kept = "is that of D̃ at every pose and setting"
-    lost = (
-        f"is lost by underflow at up to {_percent(worst.sign_lost)} of the poses ({describe(worst)}): use D̃ there"
-    )
+    lost = f"is lost by underflow at up to {_percent(worst.sign_lost)} of the poses ({describe(worst)}): use D̃ there"
     return [*advice, ("sign of D", lost if worst.sign_lost else kept)]
 
 
