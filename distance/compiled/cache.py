@@ -69,7 +69,8 @@ _trusted: set[Path] = set()  # folders that exist and were examined in this proc
 
 
 def _open_to(home: Path) -> str | None:
-    """Return the folder to which others may write, among the cache's and all above it; None if there is none. In a sticky folder such as /tmp, others can add files, but not change the user's."""
+    """Return the folder to which others may write, among the cache's and all above it; None if there is none. In a
+    sticky folder such as /tmp, others can add files, but not change the user's."""
     if sys.platform == "win32":  # where a user's folders are the user's
         return None
     home = home.resolve()
