@@ -196,7 +196,7 @@ def _attempts(searches: Sequence[Search]) -> int:
 
 
 def _ended(searches: Sequence[Search], taken: int, seconds: float) -> str:
-    """Return, in words, what the time limit ended, of so many seconds; nothing where no more was to be done."""
+    """Return, in words, what a time limit of so many seconds ended; empty if the search was complete."""
     reached = f"time limit of {seconds:g} s reached"
     if not searches[taken].certified:
         guesses = _attempts(searches)

@@ -366,7 +366,7 @@ class Certifier:
         return to_obstacle, between_links
 
     def closest(self, q: ArrayLike, time: float = 0.0) -> tuple[Closest | None, Closest | None]:
-        """Return what is `nearest` at one configuration and time [s], with the closest points of the two bodies."""
+        """Return the `nearest` places at one configuration and time [s], with the closest points of the two bodies."""
         configuration = self._configuration(q)
         spots = self.sweep.nearest(configuration, NEAR_PAIR, time)  # mostly finds something, with few pairs to compare
         if None in spots:

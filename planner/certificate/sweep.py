@@ -47,7 +47,7 @@ class Sweep(PreparedPairs):
         return ConfigurationDistances(self, q[None], time).witnesses(pair)
 
     def shares(self, curve: Curve, spot: Spot) -> Array:
-        """Return what each of the scene's sizes takes of the distance at a place (6,) [m], by `sizes.FIELDS`."""
+        """Return the share of each of the scene's sizes in the distance at a place (6,) [m], by `sizes.FIELDS`."""
         sizes = self.bodies.sizes
         assert sizes is not None
         placed = PlacedPairs(self, curve)

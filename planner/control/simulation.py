@@ -293,7 +293,7 @@ def _overloaded(execution: Execution, limits: Array | None, robot: Robot) -> Ite
 
 
 def _off(execution: Execution, setup: Setup) -> Iterator[str]:
-    """Return, in words, which joint is farther off than the scene has it: what is proven is proven for less."""
+    """Return, in words, which joint is farther off than the scene's tracking error, for which the proof holds."""
     lag = setup.scene.robot.tracking
     for name, errors in (("position", execution.errors), ("velocity", execution.velocity_errors)):
         if lag is None or not getattr(lag, name):

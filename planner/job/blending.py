@@ -172,7 +172,7 @@ def _ways(
 
 
 def _worlds(world: World, group: range, pieces: Sequence[Piece]) -> list[World]:
-    """Return what there is before each stage, curves beginning where the ones before would have late."""
+    """Return the world before each stage; a curve begins where the stage before would have ended."""
     assert world.scene.job is not None
     found, stages = [], world.scene.job.stages
     for number, piece in zip(group, pieces, strict=True):

@@ -205,8 +205,8 @@ class Search:
                     yield piece, several
 
     def _goals(self, world: World, number: int) -> Aims | str:
-        """Return the configurations to which a move may lead, the best of each of its goals first, or say why there
-        are none; what was found once is kept."""
+        """Return the configurations to which a move may lead, the best of each of its goals first, or the reason why
+        there are none; results are kept."""
         kept = self._aims.setdefault(number, [])
         for before, found in kept:
             if before == world:

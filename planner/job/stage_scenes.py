@@ -201,7 +201,7 @@ def leaders_of(spec: RobotSpec) -> dict[str, str]:
 
 
 def _of_fingers(limits: Limits) -> Limits:
-    """Return what limits of the arm say of fingers: values that are for all joints. Raises InputError for accelerations
+    """Return the arm's limits that apply to fingers: single values for all joints. Raises InputError for accelerations
     and jerks that are not."""
     given = {name: getattr(limits, name) for name in QUANTITIES if name != "torque"}
     kept: dict[str, Any] = {name: value for name, value in given.items() if isinstance(value, float | str)}

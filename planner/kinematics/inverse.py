@@ -87,7 +87,7 @@ def off_pose(place: Moving, wanted: Array, free: str) -> tuple[Array, Callable[[
 
 
 def _across(along: Array, turning: Array) -> Array:
-    """Return what of angular velocities (B, n, 3) is across directions (B, 3)."""
+    """Return the parts of angular velocities (B, n, 3) across directions (B, 3)."""
     return np.asarray(turning - (turning @ along[..., None]) * along[:, None])
 
 

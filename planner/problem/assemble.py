@@ -196,7 +196,7 @@ def closer(problem: Problem, activation: float, quick: bool) -> Problem:
 
 
 def more_closely(problem: Problem) -> Problem:
-    """Lay out the same problem again with clouds, and meshes that were not split, enclosed by smaller boxes; the
+    """Assemble the problem again with clouds, and meshes that were not split, enclosed by smaller boxes; the
     problem itself if there are none, or if this was done already."""
     if problem.closely or not any(map(enclosed_loosely, problem.scene.obstacles)):
         return problem

@@ -69,7 +69,7 @@ class AtSamples:
 def to_waypoints(
     loops: ModuleType, counts: Rows, fraction: Array, gradient: Array, curvature: Array
 ) -> tuple[Array, Array, Array]:
-    """Return what `Samples.to_waypoints` returns."""
+    """Return the result of `Samples.to_waypoints`."""
     intervals, n = len(counts), gradient.shape[1]
     slope, diagonal = np.zeros((intervals + 1, n)), np.zeros((intervals + 1, n, n))
     coupling = np.zeros((intervals, n, n))

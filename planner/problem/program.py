@@ -113,12 +113,12 @@ class Program:
 
     def pose_of(self, obstacle: str) -> ca.MX:
         """The pose of an obstacle, a part of p: twelve numbers, the rotation row by row, then the origin [m]; of a
-        moving one for each sample. Raises InputError where it is none."""
+        moving one for each sample. Raises InputError where the pose is not a parameter."""
         return self._part_of_p(obstacle, "pose")
 
     def size_of(self, obstacle: str) -> ca.MX:
         """The sizes of an obstacle [m], a part of p, in the order of its shape's fields. Raises InputError where they
-        are none."""
+        are not parameters."""
         return self._part_of_p(obstacle, "size")
 
     def _part_of_p(self, obstacle: str, what: str) -> ca.MX:

@@ -67,8 +67,8 @@ class Objective(ABC):
         return math.inf
 
     def last(self, path: Array, motion: Trajectory | None) -> float:
-        """Return what a motion cost from which a search begins, as waypoints (N, n) and, if it had times, as it was; ∞
-        if that is not known."""
+        """Return the cost of the motion from which a search begins, as waypoints (N, n) and, if it had times, as it
+        was; ∞ if that is not known."""
         return math.inf
 
     def achieved(self, path: Array, motion: Trajectory) -> Achieved:

@@ -95,7 +95,7 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
 
 
 def union_row(each: Cut) -> dict[str, Cell]:
-    """Return what a body cut into pieces gives, as a row of a table."""
+    """Return the results for a body cut into pieces, as a row of a table."""
     return {
         "body": each.body,
         "pieces": each.pieces,

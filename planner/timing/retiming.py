@@ -185,8 +185,8 @@ class Retimer:
         yield self._joined(of_rows(count), lead, trail)
 
     def _of_rows(self, path: Trajectory) -> tuple[Callable[[int], Timed], int]:
-        """Return what times a path, from rest to rest, in so many intervals between rows, and the least number of them;
-        0 where the scene's duration says how many there are."""
+        """Return the timing of a path, from rest to rest, in so many intervals between rows, and the least number of
+        them; 0 where the scene's duration says how many there are."""
         if self.timing.duration is not None:
             return lambda count: cast(Timed, self._from_rest(path, count / self.rate)), 0
         spline = smooth(self._inset(path.positions))
