@@ -23,14 +23,14 @@ from hdplan.scenes.values import Whole, checked, instance
 if TYPE_CHECKING:
     from hdplan.distance.unions import BodyUnion
 
-NONE = read_only(np.empty((0, 3)))
+NO_ROWS = read_only(np.empty((0, 3)))
 FLAT_RATIO = (
     1e-9  # an extent below this part of the body's size is zero: the body is a point, a segment or a flat polygon
 )
 SAME_DIRECTION = 1e-6  # [rad] directions closer than this, up to sign, are merged
 SAME_PLANE = 1e-6  # of the body's size: triangles this close to one plane are one face, as in float32 meshes
 
-UNIT = 1e-6  # by which the length of a direction may differ from 1
+UNIT_ERROR = 1e-6  # by which the length of a direction may differ from 1
 MOST_SIDES = 1000
 LARGEST_LENGTH = 1e100  # [m] beyond, squares and cubes of lengths overflow
 
@@ -61,7 +61,7 @@ class ConvexBody:
         """Check and freeze the arrays. Raises InputError for invalid ones."""
         for name in ("vertices", "faces", "edges"):
             array = _rows(name, getattr(self, name))
-            if name != "vertices" and not np.allclose(np.linalg.norm(array, axis=1), 1.0, rtol=0.0, atol=UNIT):
+            if name != "vertices" and not np.allclose(np.linalg.norm(array, axis=1), 1.0, rtol=0.0, atol=UNIT_ERROR):
                 raise InputError(f"{name}: allowed are directions of length 1")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
@@ -86,14 +86,14 @@ class ConvexBody:
     @classmethod
     def sphere(cls, radius: float) -> ConvexBody:
         """Return the sphere of ``radius`` [m] around the origin."""
-        return cls(np.zeros((1, 3)), NONE, NONE, np.empty(0), _length("sphere radius", radius))
+        return cls(np.zeros((1, 3)), NO_ROWS, NO_ROWS, np.empty(0), _length("sphere radius", radius))
 
     @classmethod
     def capsule(cls, radius: float, length: float) -> ConvexBody:
         """Return the capsule of ``radius`` [m] along z, ``length`` [m] between the centres of its end spheres."""
         half = 0.5 * _length("capsule length", length)
         ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
-        return cls(ends, NONE, np.array([[0.0, 0.0, 1.0]]), np.ones(1), _length("capsule radius", radius))
+        return cls(ends, NO_ROWS, np.array([[0.0, 0.0, 1.0]]), np.ones(1), _length("capsule radius", radius))
 
     @classmethod
     def cylinder(cls, radius: float, length: float, sides: int = 16) -> ConvexBody:
@@ -219,7 +219,7 @@ def _hull(points: Array) -> tuple[Array, Array, Array, Array]:
     centred = centred - centred.mean(0)
     size = float(np.abs(centred).max())
     if size == 0.0:
-        return points[:1], NONE, NONE, np.empty(0)
+        return points[:1], NO_ROWS, NO_ROWS, np.empty(0)
     axes = np.linalg.svd(centred / size, full_matrices=len(points) < 3)[2]  # (3, 3), rows, longest first
     along = (centred / size) @ axes.T
     extents = np.ptp(along, axis=0)
@@ -227,7 +227,7 @@ def _hull(points: Array) -> tuple[Array, Array, Array, Array]:
     dimension = int(np.sum(extents > max(FLAT_RATIO * extents.max(), rounding)))
     scaled = along[:, :dimension] / extents[:dimension]
     if dimension == 1:
-        return points[[np.argmin(scaled), np.argmax(scaled)]], NONE, axes[:1], np.ones(1)
+        return points[[np.argmin(scaled), np.argmax(scaled)]], NO_ROWS, axes[:1], np.ones(1)
     rounding /= extents[dimension - 1]
     if dimension == 2:
         corners = points[_corners(scaled, rounding)]

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
-RIGID = 1e-5  # error allowed in a rotation, which may be rounded to six decimals or a product in float32
+RIGID_ERROR = 1e-5  # error allowed in a rotation, which may be rounded to six decimals or a product in float32
 FARTHEST_POSE = 1e100  # [m] beyond, squares overflow
 FEW_POSES = 12  # poses up to which plain numbers are faster than arrays
 BLOCK = 4096  # poses at once, few enough for the processor's cache
@@ -74,10 +74,10 @@ def _all_are_rigid(rows: Array) -> bool:
         slants = (first * second).sum(axis=0)
         table[3, 3] -= 1.0
         return bool(
-            np.abs(misses).max() <= RIGID
-            and np.abs(lengths).max() <= RIGID
-            and np.abs(slants).max() <= RIGID
-            and np.abs(table[3]).max() <= RIGID
+            np.abs(misses).max() <= RIGID_ERROR
+            and np.abs(lengths).max() <= RIGID_ERROR
+            and np.abs(slants).max() <= RIGID_ERROR
+            and np.abs(table[3]).max() <= RIGID_ERROR
             and np.abs(table[:3, 3]).max() <= FARTHEST_POSE
         )
 
@@ -86,13 +86,13 @@ def _one_is_rigid(row: list[float]) -> bool:
     """Return the same for one pose, without the overhead of arrays."""
     a, b, c, x, d, e, f, y, g, h, i, z, j, k, m, one = row
     return (
-        abs(a * a + b * b + c * c - 1.0) <= RIGID
-        and abs(d * d + e * e + f * f - 1.0) <= RIGID
-        and abs(a * d + b * e + c * f) <= RIGID
-        and abs(b * f - c * e - g) <= RIGID
-        and abs(c * d - a * f - h) <= RIGID
-        and abs(a * e - b * d - i) <= RIGID
-        and abs(j) + abs(k) + abs(m) + abs(one - 1.0) <= RIGID
+        abs(a * a + b * b + c * c - 1.0) <= RIGID_ERROR
+        and abs(d * d + e * e + f * f - 1.0) <= RIGID_ERROR
+        and abs(a * d + b * e + c * f) <= RIGID_ERROR
+        and abs(b * f - c * e - g) <= RIGID_ERROR
+        and abs(c * d - a * f - h) <= RIGID_ERROR
+        and abs(a * e - b * d - i) <= RIGID_ERROR
+        and abs(j) + abs(k) + abs(m) + abs(one - 1.0) <= RIGID_ERROR
         and abs(x) <= FARTHEST_POSE
         and abs(y) <= FARTHEST_POSE
         and abs(z) <= FARTHEST_POSE
@@ -109,13 +109,13 @@ def _what_is_wrong(name: str, poses: Array, number: int) -> str:
         return f"{where}: found {pose[row, column]} in row {row}, column {column}, allowed are finite numbers"
     if np.abs(pose[:3, 3]).max() > FARTHEST_POSE:
         return f"{where}: found a position of {pose[:3, 3].tolist()} m, allowed is up to {FARTHEST_POSE:g} m"
-    if np.abs(pose[3] - [0.0, 0.0, 0.0, 1.0]).max() > RIGID:
+    if np.abs(pose[3] - [0.0, 0.0, 0.0, 1.0]).max() > RIGID_ERROR:
         return f"{where}: found the last row {pose[3].tolist()}, allowed is [0, 0, 0, 1]"
     rotation = pose[:3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
         lengths = np.sqrt(np.sum(rotation**2, axis=0)).tolist()
         turned = float(np.linalg.det(rotation))
-    if turned < 0 and np.abs(np.array(lengths) - 1.0).max() <= RIGID:
+    if turned < 0 and np.abs(np.array(lengths) - 1.0).max() <= RIGID_ERROR:
         return f"{where}: found a reflection (determinant {turned:.6g}), allowed is a rotation, of determinant 1"
     found = ", ".join(f"{length:.6g}" for length in lengths)
     return (

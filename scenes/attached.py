@@ -13,7 +13,7 @@ from hdplan.scenes.poses import AnyPose, Place, Placement, Pose
 from hdplan.scenes.shapes import Shape, Solid, check_unplaced
 from hdplan.scenes.values import Checked, Name, Number, Numbers, Row, text
 
-ROUNDING = 1e-9  # share of the largest principal moment by which an inertia may violate these bounds
+MOMENT_ROUNDING = 1e-9  # share of the largest principal moment by which an inertia may violate these bounds
 
 
 def body_inertia(value: object) -> tuple[float, ...]:
@@ -22,7 +22,7 @@ def body_inertia(value: object) -> tuple[float, ...]:
     xx, xy, xz, yy, yz, zz = numbers = Row(Number(unit="kg m²"), 6)(value)
     least, middle, most = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
     moments = f"its principal moments are {least:.4g}, {middle:.4g} and {most:.4g} kg m²"
-    slack = ROUNDING * max(abs(least), abs(most))
+    slack = MOMENT_ROUNDING * max(abs(least), abs(most))
     if least < -slack:
         raise FieldError(f"(xx, xy, xz, yy, yz, zz) is not physical: {moments}, and none may be negative")
     if least + middle < most - slack:

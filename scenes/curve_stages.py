@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.limits import Limits
-from hdplan.scenes.path_constraints import FREE, poses_along
+from hdplan.scenes.path_constraints import FREE_AXES, poses_along
 from hdplan.scenes.pose_table import read_pose_table
 from hdplan.scenes.poses import Place, Pose, Vector3
 from hdplan.scenes.stage import AnyTouch, ArmStage
@@ -30,7 +30,7 @@ class Curve(ArmStage):
     link: Name | None = field(default=None, kw_only=True)  # None: the end effector
     position_tolerance: Annotated[float, Number(high=0.1, above=0.0, unit="m")] = field(default=1e-3, kw_only=True)
     orientation_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="rad")] = field(default=1e-2, kw_only=True)
-    free_rotation: Annotated[str, Choice(FREE)] = field(default="none", kw_only=True)
+    free_rotation: Annotated[str, Choice(FREE_AXES)] = field(default="none", kw_only=True)
     """Axis of the link about which it may turn as it likes."""
     tool_speed: Annotated[float, Number(above=0.0, unit="m/s")] | None = field(default=None, kw_only=True)
     """Of the link's origin, at most [m/s]."""

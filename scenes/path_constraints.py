@@ -22,7 +22,7 @@ AXES: Mapping[str, tuple[float, float, float]] = {
     "-y": (0.0, -1.0, 0.0),
     "-z": (0.0, 0.0, -1.0),
 }
-FREE = ("none", "x", "y", "z")
+FREE_AXES = ("none", "x", "y", "z")
 MOST_POSES = 20_000
 MOST_TURN = 3.0  # [rad] from one pose of a curve to the next
 UNBOUNDED_BOX = (math.inf, math.inf, math.inf)
@@ -143,7 +143,7 @@ class Follow(Checked):
     poses: Annotated[tuple[Pose, ...], poses_along]  # in the world
     position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 1e-3  # of the link's origin [m]
     orientation_tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 1e-2  # angle [rad]
-    free_rotation: Annotated[str, Choice(FREE)] = "none"
+    free_rotation: Annotated[str, Choice(FREE_AXES)] = "none"
     """Axis of the link about which it may turn as it likes."""
     speed: Annotated[float, Number(above=0.0, unit="m/s")] | None = None  # of the link's origin, at most [m/s]
     acceleration: Annotated[float, Number(above=0.0, unit="m/s²")] | None = None  # [m/s²]

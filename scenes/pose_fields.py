@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from hdplan.scenes.fields import Field
 from hdplan.scenes.poses import Pose, Quaternion, Vector3, from_rpy, in_degrees, rotation
 
-ROUNDING = 1e-6  # a quaternion this close to unit length differs from it by its decimals only
+QUATERNION_ROUNDING = 1e-6  # a quaternion this close to unit length differs from it by its decimals only
 
 
 def read_pose(section: Field) -> Pose:
@@ -55,6 +55,6 @@ def read_quaternion(entry: Field) -> Quaternion:
     """
     given = entry.numbers(4)
     quaternion: Quaternion = entry.checked(rotation, given)
-    if abs(math.hypot(*given) - 1.0) > ROUNDING:
+    if abs(math.hypot(*given) - 1.0) > QUATERNION_ROUNDING:
         entry.note(f"the quaternion of length {math.hypot(*given):.6g} was normalized")
     return quaternion

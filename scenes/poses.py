@@ -20,7 +20,7 @@ Place = Annotated[Vector3, Row(Number(unit="m"), 3)]
 
 # a vector this close to unit length is kept as it is, so that what was written reads back bit for bit
 UNIT_ERROR = 1e-12
-TURN = 6.3  # [rad] a little more than a whole turn
+LARGEST_ANGLE = 6.3  # [rad] a little more than a whole turn
 NORMALIZED_ERROR = 1e-2  # of unit length: a quaternion up to here is normalized, beyond it is refused
 
 
@@ -48,7 +48,7 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float
 
 def in_degrees(rpy: Numbers) -> str:
     """Ask whether angles are in degrees, of which one is beyond a whole turn; empty if none is."""
-    beyond = [angle for angle in rpy if abs(angle) > TURN]
+    beyond = [angle for angle in rpy if abs(angle) > LARGEST_ANGLE]
     return f"{beyond[0]:g} is beyond a whole turn: is it in degrees? hdplan takes radians" if beyond else ""
 
 

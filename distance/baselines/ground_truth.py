@@ -14,7 +14,7 @@ import numpy as np
 from hdplan.scenes.array_types import Array
 
 ROUNDING = 1e-13  # of the size: where the closest points exceed an axis' gap by no more, that axis is their normal
-CONTACT = 1e-15  # of the size: closest points this close coincide
+COINCIDENT_SHARE = 1e-15  # of the size: closest points this close coincide
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def closest_points(a: Array, b: Array) -> tuple[Array, Array, Array]:
         if distance >= np.linalg.norm(answer[2]):
             return answer
         answer = weights @ a[i], weights @ b[j], difference
-        if distance <= CONTACT * size:
+        if distance <= COINCIDENT_SHARE * size:
             return answer
         pairs = [pair for pair, weight in zip(pairs, weights, strict=True) if weight > 0]
         pairs.append((int(np.argmin(a @ difference)), int(np.argmax(b @ difference))))
@@ -81,7 +81,7 @@ def _nearest_combination(points: Array) -> tuple[Array, Array]:
     for others in chain.from_iterable(combinations(range(last), count) for count in (1, 2, 3)):
         edges = points[list(others)] - points[last]
         left, extents, plane = np.linalg.svd(edges, full_matrices=False)
-        if extents[-1] <= CONTACT * extents[0]:
+        if extents[-1] <= COINCIDENT_SHARE * extents[0]:
             continue  # a flat simplex: its faces suffice
         inner = -left @ (plane @ points[last] / extents)
         off_plane = points[last] - plane.T @ (plane @ points[last])

@@ -20,7 +20,7 @@ from hdplan.distance.batch.kernel import Places
 from hdplan.distance.batch.tables import FARTHEST_POSITION
 from hdplan.distance.batch.unions import Pairs, evaluate, separation_gradient
 from hdplan.distance.normals import check_witness_count
-from hdplan.distance.poses import FARTHEST_POSE, RIGID
+from hdplan.distance.poses import FARTHEST_POSE, RIGID_ERROR
 from hdplan.scenes.errors import InputError
 
 Array = jax.Array
@@ -145,7 +145,7 @@ def _rigid(poses: Array) -> Array:
     within = jnp.isfinite(far)
     if poses.dtype == np.float64:  # other types cannot hold anything that far away
         within &= jnp.abs(far) <= FARTHEST_POSE
-    return (amiss <= RIGID) & jnp.all(within, -1)
+    return (amiss <= RIGID_ERROR) & jnp.all(within, -1)
 
 
 def _pose(name: str, pose: Any) -> Array:

@@ -21,7 +21,7 @@ from hdplan.distance.symbolic.all_axes import Maximum, maximum
 from hdplan.distance.symbolic.one_axis import TINY_NUMBER, Shaped, integer_power, shaped
 
 NEVER_INLINE = {"never_inline": True}
-SIZES = 3  # of a body, at most
+MOST_SIZES = 3  # of a body, at most
 
 
 def projections(points: ca.MX, radius: ca.MX, normals: ca.MX, supports: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -93,7 +93,7 @@ def outside(points: int, planes: int, gamma: int, order: int, length: float, pla
 
 def _inputs(points: int, planes: int, grows: bool = False) -> list[ca.MX]:
     sizes = {"x": (planes, points), "least": (planes, 1), "points": (3, points), "weights": (points, 1)}
-    sizes |= {"normals": (planes, 3)} | ({"growth": (planes, SIZES)} if grows else {})
+    sizes |= {"normals": (planes, 3)} | ({"growth": (planes, MOST_SIZES)} if grows else {})
     return [ca.MX.sym(name, *size) for name, size in sizes.items()]
 
 
@@ -138,7 +138,7 @@ def _combined(
     gradient += [-_products(each, along * pushed) for each in growth]
     if order == 1:
         return [found.value, ca.vertcat(*gradient)]
-    each = ca.horzcat(*of_planes, *(-part * _columns(along, SIZES) for part in growth))  # w_k (K, 6 e), sizes
+    each = ca.horzcat(*of_planes, *(-part * _columns(along, MOST_SIZES) for part in growth))  # w_k (K, 6 e), sizes
     own_slope = found.slope * found.share
     spread = own_slope * minima.outer + found.spread * minima.slope * minima.slope
     whole = _products(each, share)
@@ -159,14 +159,16 @@ def _with_growth(
 ) -> ca.MX:
     """Add the rows and columns of the sizes to Σ_ki s_ki ∂x_ki ∂x_kiᵀ (6 e, 6 e)."""
     m = points.shape[1] // placements
-    mixed = [ca.MX.zeros(6, SIZES) for _ in range(placements)]
+    mixed = [ca.MX.zeros(6, MOST_SIZES) for _ in range(placements)]
     for i, (point, weight, column) in enumerate(
         zip(ca.horzsplit(points), ca.vertsplit(weights), ca.horzsplit(sharp), strict=True)
     ):
-        force = -weight * _products(normals, growth * _columns(column, SIZES))
+        force = -weight * _products(normals, growth * _columns(column, MOST_SIZES))
         mixed[i // m] += ca.vertcat(force, ca.skew(point) @ force)
     across = ca.vertcat(*mixed)
-    return ca.blockcat([[blocks, across], [across.T, _products(growth, growth * _columns(sharp @ weights, SIZES))]])
+    return ca.blockcat(
+        [[blocks, across], [across.T, _products(growth, growth * _columns(sharp @ weights, MOST_SIZES))]]
+    )
 
 
 def _columns(column: ca.MX, count: int) -> ca.MX:

@@ -10,7 +10,7 @@ import math
 
 import casadi as ca
 
-from hdplan.distance.poses import RIGID
+from hdplan.distance.poses import RIGID_ERROR
 
 
 def relative_pose(pose_a: ca.MX, pose_b: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -35,4 +35,4 @@ def _mark(sizes: tuple[int, ...]) -> ca.Function:
         amiss += ca.sumsqr(ca.cross(x, y) - z)  # right-handed
         if matrix.shape[0] == 4:  # a transposed pose has a rotation too
             amiss += ca.sumsqr(matrix[3, :] - ca.DM([[0, 0, 0, 1]]))
-    return ca.Function("rigid_or_nan", matrices, [ca.if_else(amiss <= RIGID**2, 0, math.nan)])
+    return ca.Function("rigid_or_nan", matrices, [ca.if_else(amiss <= RIGID_ERROR**2, 0, math.nan)])

@@ -19,17 +19,17 @@ from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import made_once, read_only
 
-CELL = 0.08  # [m] edge of the cubes whose points make a piece
+CELL_EDGE = 0.08  # [m] edge of the cubes whose points make a piece
 LEAST_BOX_SIZE = 1e-5  # [m] the least size of a box that coal gets: it only proposes directions
-KEPT = 4  # clouds and maps of which the pieces are kept, in a process
+KEPT_CLOUDS = 4  # clouds and maps of which the pieces are kept, in a process
 ROUNDING_SHARE = 1e-12  # share by which boxes are larger, for rounding
 
 
-@made_once(KEPT)
+@made_once(KEPT_CLOUDS)
 def standing_pieces(balls: FixedArray) -> tuple[tuple[Piece, ...], Array]:
     """Return pieces that contain the balls (m, 4), centres and radii [m], and the frame of each in theirs (c, 4, 4);
     once per cloud, wherever it stands."""
-    frames, half, radius, grains = _boxes(balls, cells_of(balls, CELL))
+    frames, half, radius, grains = _boxes(balls, cells_of(balls, CELL_EDGE))
     vertices = read_only(2.0 * half[:, None] * CORNERS)
     away = np.linalg.norm(half, axis=1) + radius
     low, high, center = read_only(-half - radius[:, None]), read_only(half + radius[:, None]), read_only(np.zeros(3))
@@ -47,7 +47,7 @@ def standing_pieces(balls: FixedArray) -> tuple[tuple[Piece, ...], Array]:
 def moving_pieces(balls: FixedArray) -> list[Piece]:
     """Return the same pieces in the frame of the balls."""
     found = []
-    for frame, half, radius, own in zip(*_boxes(balls, cells_of(balls, CELL)), strict=True):
+    for frame, half, radius, own in zip(*_boxes(balls, cells_of(balls, CELL_EDGE)), strict=True):
         corners = (2.0 * half * CORNERS) @ frame[:3, :3].T + frame[:3, 3]
         back = np.column_stack([own[:, :3] @ frame[:3, :3].T + frame[:3, 3], own[:, 3]])
         ball = float(radius) + ROUNDING_SHARE * float(np.abs(corners).max())  # turned there and back
@@ -58,7 +58,7 @@ def moving_pieces(balls: FixedArray) -> list[Piece]:
     return found
 
 
-@made_once(KEPT)
+@made_once(KEPT_CLOUDS)
 def box_pieces(boxes: FixedArray) -> tuple[tuple[Piece, ...], Array]:
     """Return the boxes (k, 6), lower and upper corners [m], as pieces, and the frame of each in theirs (k, 4, 4);
     once per map."""

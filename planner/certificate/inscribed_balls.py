@@ -23,7 +23,7 @@ from hdplan.scenes.once import ReadOnly, made_once
 from hdplan.scenes.shapes import Sphere
 
 FINENESS = 16  # edges of the surface's triangles after division, over the size of the mesh
-GRID = 9  # points a side, in the bounding box
+GRID_SIDE = 9  # points a side, in the bounding box
 STEPS = 16  # moves to deeper points, each shorter by STEP_FACTOR than the last
 STEP_FACTOR = 0.75
 GRID_POINTS = 150  # points of the grid of which one must be inside
@@ -80,13 +80,16 @@ def _inside(solid: Solid) -> tuple[Array, float] | None:
     (low, high), corners = solid.box, mesh.vertices[mesh.triangles]
     size = float((high - low).max())
     tree = scipy.spatial.cKDTree(divided(corners, size / FINENESS).mean(axis=1))
-    axes = (np.linspace(a, b, GRID + 2)[1:-1] for a, b in zip(low, high, strict=True))
+    axes = (np.linspace(a, b, GRID_SIDE + 2)[1:-1] for a, b in zip(low, high, strict=True))
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     deepest = grid[np.argsort(-tree.query(grid)[0])[:GRID_POINTS]]
     center = next((point for point in deepest if solid.holds(point)), None)
     if center is None:
         return None
-    step, around = size / GRID, np.stack(np.meshgrid(*3 * [[0.0, -1.0, 1.0]], indexing="ij"), axis=-1).reshape(-1, 3)
+    step, around = (
+        size / GRID_SIDE,
+        np.stack(np.meshgrid(*3 * [[0.0, -1.0, 1.0]], indexing="ij"), axis=-1).reshape(-1, 3),
+    )
     for _ in range(STEPS):
         tried = center + step * around
         center, step = tried[int(tree.query(tried)[0].argmax())], STEP_FACTOR * step

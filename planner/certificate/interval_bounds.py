@@ -27,7 +27,7 @@ from hdplan.planner.motion.motion_bounds import Motion, cross
 from hdplan.scenes.array_types import Array, Mask
 
 GROUPED_FROM = 500  # bodies that stand, from which on it is worth while to bound groups of them
-GROUP = 0.25  # [m] edge of the cubes whose bodies make a group
+GROUP_EDGE = 0.25  # [m] edge of the cubes whose bodies make a group
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class Bounds:
         if len(standing) < GROUPED_FROM:
             return None
         center, radius = bodies.standing[2][standing], bodies.radius[standing]
-        order, begin = grouped(center, GROUP)
+        order, begin = grouped(center, GROUP_EDGE)
         low = np.minimum.reduceat((center - radius[:, None])[order], begin)
         middles = 0.5 * (low + np.maximum.reduceat((center + radius[:, None])[order], begin))
         group = np.repeat(np.arange(len(begin)), np.diff(np.append(begin, len(order))))

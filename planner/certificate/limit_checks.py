@@ -21,7 +21,7 @@ from hdplan.scenes.array_types import Array
 
 Index = NDArray[np.int64]
 
-JUMP = 1e-6  # [rad/s], [rad/s²] or their like: differences that rounding makes between equal values
+ROUNDING_JUMP = 1e-6  # [rad/s], [rad/s²] or their like: differences that rounding makes between equal values
 ROUNDING = 1e-9  # relative
 
 

@@ -25,7 +25,7 @@ from hdplan.scenes.errors import InputError, naming
 
 TOLERANCE_EXCESS = 1e-9  # [rad] or [m] beyond the tolerance that is accepted, for rounding errors
 ROUNDING = 1e-9  # [rad] or [m] added to every bound
-SLACK = 0.02  # share of the tolerance by which the proven worst value may exceed the worst one found
+TOLERANCE_SLACK = 0.02  # share of the tolerance by which the proven worst value may exceed the worst one found
 SHORTEST_INTERVAL = 2.0**-17  # of an interval: below it, the answer is "not proven"
 
 
@@ -142,7 +142,7 @@ class PathCheck:
         travel = _travel(*curve.part(interval, start, width))
         failed, broken = np.zeros(intervals, dtype=bool), np.zeros(intervals, dtype=bool)
         worst, place = np.full(intervals, -np.inf), np.zeros(intervals)  # found on each interval, and where
-        proven, slack = -np.inf, max(SLACK * held.scale, TOLERANCE_EXCESS)
+        proven, slack = -np.inf, max(TOLERANCE_SLACK * held.scale, TOLERANCE_EXCESS)
         while len(interval):
             middle, delta, off = curve.part(interval, start, width)
             frames = self.chain.frames(self.robot.pin_q(middle))

@@ -5,8 +5,8 @@ polynomial is a polynomial too, and lies within the hull of its control points. 
 acceleration, a jump of the acceleration an infinite jerk; before its first row and after its last a motion is at rest,
 or has the rates that the scene gives its start and goal.
 
-Jumps of at most J = JUMP may be rounding. A motion can grow by many of them all the same, a stair instead of a slope.
-So let S(i, j) be the sum of those from row i to row j. The least slope L ≥ 0 with
+Jumps of at most J = ROUNDING_JUMP may be rounding. A motion can grow by many of them all the same, a stair instead of a
+slope. So let S(i, j) be the sum of those from row i to row j. The least slope L ≥ 0 with
 
     |S(i, j)| ≤ J + L (t_j − t_i)   for all i ≤ j
 
@@ -20,7 +20,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate.limit_checks import JUMP, LimitFinding, Use
+from hdplan.planner.certificate.limit_checks import ROUNDING_JUMP, LimitFinding, Use
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
@@ -64,7 +64,7 @@ class RateCheck:
         shares = np.maximum(-low, high) / limit  # (N − 1, n)
         if DERIVATIVES[quantity] > 1:
             steps = below.steps(*self._around(DERIVATIVES[quantity] - 1))  # (N, n) before each row
-            abrupt = np.abs(steps) > JUMP
+            abrupt = np.abs(steps) > ROUNDING_JUMP
             times = np.concatenate([[0.0], np.cumsum(below.widths)])
             shares += slope_of_steps(np.where(abrupt, 0.0, steps), times) / limit
             at, joint = np.argwhere(abrupt)[0] if abrupt.any() else (None, 0)
@@ -76,7 +76,7 @@ class RateCheck:
 
 def slope_of_steps(steps: Array, times: Array) -> Array:
     """Return the least slopes L (n,) for which every window of steps (N, n), from row i to row j at `times` (N,), sums
-    up to at most JUMP + L (t_j − t_i).
+    up to at most ROUNDING_JUMP + L (t_j − t_i).
 
     Each round finds the windows that exceed this by most, and takes the slopes that they need (W. Dinkelbach, "On
     nonlinear fractional programming", 1967): they only rise, and end at the least.
@@ -92,7 +92,7 @@ def slope_of_steps(steps: Array, times: Array) -> Array:
             last = excess.argmax(axis=0)
             first = np.array([int((low[: end + 1, k]).argmin()) for k, end in enumerate(last.tolist())], np.int64)
             taken = times[last] - times[first]
-            rise = sign * (after[last, columns] - before[first, columns]) - JUMP
+            rise = sign * (after[last, columns] - before[first, columns]) - ROUNDING_JUMP
             needed = np.divide(rise, taken, out=np.zeros_like(rise), where=taken > 0.0)
             if not (needed > slopes * (1.0 + SLOPE_ERROR)).any():
                 break

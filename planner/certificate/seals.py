@@ -31,7 +31,7 @@ from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import ReadOnly
 
 RADIUS_SHRINK = 1.0 - 1e-6  # of the radii: rounding
-JOGGLE = 1e-6  # of the weights: no five points are on one sphere
+WEIGHT_JITTER = 1e-6  # of the weights: no five points are on one sphere
 WINDING_ERROR = 1e-2  # by which a winding number may differ from a whole number
 FACETS = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))  # of a tetrahedron, opposite to each corner, outward
 
@@ -82,7 +82,7 @@ class Barrier(ReadOnly):
         outside; and which one is behind each of its facets (t, 4), t the outside."""
         middle = self.points.mean(axis=0)
         beside, weights = self.points - middle, self.radii**2
-        joggled = 1.0 + JOGGLE * np.random.default_rng(0).uniform(-1.0, 1.0, len(weights))
+        joggled = 1.0 + WEIGHT_JITTER * np.random.default_rng(0).uniform(-1.0, 1.0, len(weights))
         hull = scipy.spatial.ConvexHull(np.column_stack([beside, (beside**2).sum(axis=1) - joggled * weights]))
         lower = hull.equations[:, 3] < 0.0
         row = np.full(len(lower), lower.sum())

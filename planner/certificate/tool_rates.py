@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hdplan.planner.certificate.limit_checks import JUMP
+from hdplan.planner.certificate.limit_checks import ROUNDING_JUMP
 from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance
 from hdplan.planner.certificate.rate_check import slope_of_steps
 from hdplan.planner.certificate.verdict import at_most
@@ -71,7 +71,7 @@ class ToolRate(WithTolerance):
             return np.zeros(self.motion.control.shape[2])
         steps = self.rates[self.order - 2].steps()
         times = np.concatenate([[0.0], np.cumsum(self.motion.widths)])
-        return slope_of_steps(np.where(np.abs(steps) > JUMP, 0.0, steps), times)
+        return slope_of_steps(np.where(np.abs(steps) > ROUNDING_JUMP, 0.0, steps), times)
 
     def on(self, interval: Index, start: Array, width: Array) -> Valued:
         """Return the limit on parts of the motion."""

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate.limit_checks import JUMP, LimitFinding, Use
+from hdplan.planner.certificate.limit_checks import ROUNDING_JUMP, LimitFinding, Use
 from hdplan.planner.certificate.torque_bounds import torque_curvature
 from hdplan.planner.certificate.verdict import Status, at_most
 from hdplan.planner.motion.curve import Curve
@@ -28,7 +28,7 @@ from hdplan.scenes.errors import InputError
 
 Index = NDArray[np.int64]
 
-STEP = 2e-3  # [s] between samples at first, at most
+SAMPLE_STEP = 2e-3  # [s] between samples at first, at most
 HALVINGS = 10  # of an interval before it counts as not proven: down to two microseconds
 MOST_AT_FIRST, MOST_SAMPLES = 50_000, 500_000  # samples before any halving, and in all; then the rest is not proven
 
@@ -124,7 +124,7 @@ class TorqueCheck:
         it may at the first row and the last, the torque is infinite."""
         checked = check_torques(self.model, self.robot, curve, self.limits["torque"])
         jumps = curve.derivative.jumps(*self._around)  # (N, n)
-        abrupt, rows = jumps.max(axis=0) > JUMP, jumps.argmax(axis=0)
+        abrupt, rows = jumps.max(axis=0) > ROUNDING_JUMP, jumps.argmax(axis=0)
         if abrupt.any() and curve.times is not None:
             proven, found = (np.where(abrupt, np.inf, values) for values in (checked.proven, checked.found))
             times = np.where(abrupt, curve.times[rows], checked.times)
@@ -163,7 +163,7 @@ def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -
     if curve.times is None or curve.degree == 1:
         raise InputError("trajectory: has no velocities, so it has no torques; the scene limits them (limits.torque)")
     chain, orders = Chain.of(model), [curve.over_time(order) for order in range(5)]
-    step = max(STEP, float(curve.widths.sum()) / MOST_AT_FIRST)
+    step = max(SAMPLE_STEP, float(curve.widths.sum()) / MOST_AT_FIRST)
     count = np.maximum(np.ceil(curve.widths / step - 1e-9).astype(np.int64), 1)
     interval = np.repeat(np.arange(len(count)), count)
     first = np.arange(len(interval)) - np.repeat(np.cumsum(count) - count, count)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.symbolic.all_planes import SIZES
+from hdplan.distance.symbolic.all_planes import MOST_SIZES
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.geometry.shape_table import TABLE, operations
 from hdplan.scenes.array_types import Array
@@ -53,7 +53,7 @@ def _growth(body: HalfspaceBody) -> Growth:
     assert not isinstance(shape, ConvexBody)
     outline, sizes = operations(shape).outline, sizes_of(shape)
     assert outline is not None
-    supports, half_size = np.zeros((len(directions), SIZES)), np.zeros((3, SIZES))
+    supports, half_size = np.zeros((len(directions), MOST_SIZES)), np.zeros((3, MOST_SIZES))
     for k in range(len(sizes)):
         longer = _of_sizes(shape, sizes + np.eye(len(sizes))[k])
         supports[:, k] = outline.support(longer, directions) - outline.support(shape, directions)

@@ -13,7 +13,7 @@ from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.obstacles import Seen
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
-PART = 0.1  # [m] edge of the parts of a cloud that may hide what is behind them
+PART_EDGE = 0.1  # [m] edge of the parts of a cloud that may hide what is behind them
 
 
 def seen_mesh(shape: Seen) -> tuple[Array, Rows]:
@@ -32,7 +32,7 @@ def seen_parts(shape: Seen) -> Array:
     """Return boxes around its parts: lower and upper corners (k, 2, 3) [m]."""
     match shape:
         case Cloud():
-            return part_bounds(balls_in(shape), PART)
+            return part_bounds(balls_in(shape), PART_EDGE)
         case Voxels() | OctoMap():
             boxes = boxes_in(shape).array
             return np.stack([boxes[:, :3], boxes[:, 3:]], axis=1)

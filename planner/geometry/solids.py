@@ -30,7 +30,7 @@ from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import ReadOnly, read_only
 
-WELD = 1e-6  # of a mesh's size: narrower cracks are closed
+WELD_SHARE = 1e-6  # of a mesh's size: narrower cracks are closed
 MOST_CROSSINGS = 10_000  # pairs of shells tested; with more, no shell is taken for a cavity
 
 
@@ -96,11 +96,12 @@ class Solid:
 
     @cached_property
     def _whole(self) -> TriangleMesh:
-        """The mesh with vertices merged that are closer than WELD of its size: rounding in files tears edges open."""
+        """The mesh with vertices merged that are closer than WELD_SHARE of its size: rounding in files tears edges
+        open."""
         mesh = self.mesh
         if mesh.closed:
             return mesh
-        reach = WELD * float(np.linalg.norm(self.box[1] - self.box[0]))
+        reach = WELD_SHARE * float(np.linalg.norm(self.box[1] - self.box[0]))
         _, first, cell = np.unique(np.floor(mesh.vertices / reach), axis=0, return_index=True, return_inverse=True)
         one, other = scipy.spatial.cKDTree(mesh.vertices[first]).query_pairs(reach, output_type="ndarray").T
         joined = connected(one, other, len(first))

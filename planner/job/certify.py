@@ -17,7 +17,7 @@ import numpy as np
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate, Status, proven, proven_length
 from hdplan.planner.job.blends import UnblendedError
-from hdplan.planner.job.changes import REACH, after
+from hdplan.planner.job.changes import GRIP_REACH, after
 from hdplan.planner.job.curves import corner_of, leg_of, radius_link, settled
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.stage_scenes import moves_fingers, stage_certifier, stage_setup, stage_source, standing_scene
@@ -377,7 +377,7 @@ def _on_touch(world: World, number: int, part: Trajectory) -> tuple[str, ...]:
     notes = []
     rows = curve_of(stage_setup(world, number).robot, part).rows
     for (one, other), least in touched(world, number, rows[[0, -1]]).items():
-        if least > REACH and (one, other) in stage.touch:
+        if least > GRIP_REACH and (one, other) in stage.touch:
             notes.append(f"{name}: {one} and {other} may touch, and are apart at its beginning and its end")
         elif least < -NOTED_OVERLAP:
             notes.append(f"{name}: {one} and {other} may touch, and overlap by {-least * 1e3:.3g} mm")

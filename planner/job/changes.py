@@ -23,7 +23,7 @@ from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.scene import derived
 
-REACH = 5e-3  # [m] greatest distance between a gripper and an object that it takes
+GRIP_REACH = 5e-3  # [m] greatest distance between a gripper and an object that it takes
 
 
 def after(world: World, number: int, robot: Robot, q: Array) -> World:
@@ -105,11 +105,11 @@ def _check_reach(world: World, thing: Obstacle, holding: list[str]) -> None:
         timing=None,
         obstacles=(thing,),
     )
-    near = {place.link for place, _ in Certifier(Setup.of(scene)).too_close(world.q, REACH)}
+    near = {place.link for place, _ in Certifier(Setup.of(scene)).too_close(world.q, GRIP_REACH)}
     if far := [link for link in holding if link not in near]:
         raise MisplacedError(
             f"grip.object: '{thing.name}' is out of reach: {', '.join(far)} {'is' if len(far) == 1 else 'are'} "
-            f"not within {REACH * 1e3:g} mm of it when the fingers have closed (what is to hold it stands under "
+            f"not within {GRIP_REACH * 1e3:g} mm of it when the fingers have closed (what is to hold it stands under "
             "`touch`, or else it is the link)"
         )
 

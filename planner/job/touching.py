@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.job.changes import REACH
+from hdplan.planner.job.changes import GRIP_REACH
 from hdplan.planner.job.stage_scenes import moves_fingers, stage_scene, standing_scene
 from hdplan.planner.job.world import World
 from hdplan.planner.robot.setup import Setup
@@ -19,7 +19,7 @@ from hdplan.scenes.scene import derived
 def touched(world: World, number: int, rows: Array) -> dict[tuple[str, str], float]:
     """Return the least distance [m] of each pair that may touch in a stage, by its `touch` or as a finger that
     moves and what is held, at some configurations (k, n) of its scene's robot: negative where they overlap,
-    infinite beyond REACH."""
+    infinite beyond GRIP_REACH."""
     assert world.scene.job is not None
     stages = list(world.scene.job.stages)
     stages[number] = replace(stage := stages[number], touch=(), name=stage_name(stage, number))
@@ -33,7 +33,7 @@ def touched(world: World, number: int, rows: Array) -> dict[tuple[str, str], flo
     for scene, configurations in looked:
         certifier = Certifier(Setup.of(scene))
         for q in configurations:
-            found = [(each.link, each.other, each.distance) for each, _ in certifier.too_close(q, REACH)]
+            found = [(each.link, each.other, each.distance) for each, _ in certifier.too_close(q, GRIP_REACH)]
             found += [(each.link, each.other, -each.depth) for each in certifier.contacts(q)]
             for one, other, distance in found:
                 pair = frozenset((one, other))

@@ -23,7 +23,7 @@ from hdplan.scenes.values import Row, Whole, checked, describe, is_row, shorten,
 if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import Trajectory
 
-SECOND = 10**9  # [ns]
+NANOSECONDS = 10**9  # [ns]
 MOST_SECONDS = 2**31 - 1  # in a builtin_interfaces/Duration
 ROWS = ("positions", "velocities", "accelerations")
 POINT = (*ROWS, "effort", "time_from_start")
@@ -40,7 +40,7 @@ def joint_trajectory(trajectory: Trajectory) -> dict[str, Any]:
         {
             **{key: [] for key in POINT[:-1]},
             **{key: values[i] for key, values in lists},
-            "time_from_start": dict(zip(UNITS[0], divmod(nanosecond, SECOND), strict=True)),
+            "time_from_start": dict(zip(UNITS[0], divmod(nanosecond, NANOSECONDS), strict=True)),
         }
         for i, nanosecond in enumerate(nanoseconds)
     ]
@@ -57,14 +57,14 @@ def _at_nanoseconds(trajectory: Trajectory) -> tuple[list[int], dict[str, Any]]:
         raise InputError(
             f"times: {times[0]:g} s to {times[-1]:g} s, but ROS counts the time from the start, 0 to {MOST_SECONDS} s"
         )
-    nanoseconds = np.rint(times * SECOND).astype(np.int64)
+    nanoseconds = np.rint(times * NANOSECONDS).astype(np.int64)
     if (same := np.flatnonzero(np.diff(nanoseconds) <= 0)).size:
         row = int(same[0])
         raise InputError(
             f"times: waypoints {row} and {row + 1} are {times[row + 1] - times[row]:g} s apart, but ROS counts whole "
             "nanoseconds"
         )
-    rounded = nanoseconds / SECOND
+    rounded = nanoseconds / NANOSECONDS
     between = np.abs(rounded - times) > TIME_ROUNDING * np.spacing(times)
     between[[0, -1]] = False  # the ends are kept exactly, at rest
     if trajectory.velocities is not None and between.any():
@@ -109,7 +109,7 @@ def _joint_trajectory(message: object) -> dict[str, Any]:
     found: dict[str, Any] = {"joint_names": joints}
     for key in ROWS:
         found[key] = _column(key, [rows[key] for _, rows in read], len(joints))
-    found["times"] = [nanosecond / SECOND for nanosecond in nanoseconds] if any(nanoseconds) else None
+    found["times"] = [nanosecond / NANOSECONDS for nanosecond in nanoseconds] if any(nanoseconds) else None
     return found
 
 
@@ -140,8 +140,8 @@ def _nanoseconds(duration: object) -> int:
     seconds, nanoseconds = UNITS[1] if ros1 else UNITS[0]
     keys = _fields(duration, (seconds, nanoseconds))
     return int(
-        checked(Whole(0, MOST_SECONDS), keys.get(seconds, 0), seconds) * SECOND
-        + checked(Whole(0, SECOND - 1), keys.get(nanoseconds, 0), nanoseconds)
+        checked(Whole(0, MOST_SECONDS), keys.get(seconds, 0), seconds) * NANOSECONDS
+        + checked(Whole(0, NANOSECONDS - 1), keys.get(nanoseconds, 0), nanoseconds)
     )
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from hdplan.planner.motion.ros_message import SECOND, UNITS, joint_trajectory
+from hdplan.planner.motion.ros_message import NANOSECONDS, UNITS, joint_trajectory
 from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,11 +28,11 @@ def stage_messages(trajectory: Trajectory) -> Iterator[tuple[int, str, dict[str,
     names, parts = trajectory.joint_names, _parts(trajectory)
     arm = _arm([moving for _, _, moving in parts], names)
     for begin, stage, moving in parts:
-        now = round((begin - float(trajectory.times[0])) * SECOND)
+        now = round((begin - float(trajectory.times[0])) * NANOSECONDS)
         yield now, STAGE, {"data": next(mark.name for mark in stage.stages)}
         if moving & arm:
             message = joint_trajectory(stage.of_joints(tuple(x for x in names if x in arm), {}))
-            stamp = dict(zip(UNITS[0], divmod(now, SECOND), strict=True))
+            stamp = dict(zip(UNITS[0], divmod(now, NANOSECONDS), strict=True))
             yield now, ARM, {**message, "header": {**message["header"], "stamp": stamp}}
         fingers = [x for x in names if x in moving - arm]
         for finger in fingers:

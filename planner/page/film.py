@@ -27,7 +27,7 @@ from hdplan.scenes.output import check_writable, write_output
 FILMS = {".mp4": ("av", "av"), ".gif": ("PIL", "pillow")}  # ending: the library that writes it, and its package
 SIZE = (1280, 720)  # [px]
 RATES = {".mp4": 25, ".gif": 10}  # frames a second
-REST = 1.0  # [s] for which the goal is shown at the end
+REST_AT_GOAL = 1.0  # [s] for which the goal is shown at the end
 LONGEST_FILM = 120.0  # [s] of a film: longer motions are to be cut first
 
 Frame = NDArray[np.uint8]  # (height, width, 3)
@@ -98,7 +98,7 @@ def _drawings(setup: Setup, motion: ShownMotion, timeline: Timeline, moments: Se
 
 
 def _encoded(frames: Iterable[Frame], path: Path, rate: int) -> bytes:
-    rested = _rested(frames, round(REST * rate))
+    rested = _rested(frames, round(REST_AT_GOAL * rate))
     return _mp4(rested, rate) if path.suffix.lower() == ".mp4" else _gif(rested, rate)
 
 

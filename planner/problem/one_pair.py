@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from hdplan.distance.symbolic.all_planes import SIZES, inside, projections
+from hdplan.distance.symbolic.all_planes import MOST_SIZES, inside, projections
 from hdplan.distance.symbolic.halfspaces import as_wrenches, in_the_world, points_seen
 from hdplan.distance.symbolic.rigid_motions import bracket
 
@@ -97,7 +97,7 @@ def _where_near(
     sizes, and its Hessian; 0 where the bodies are not near or a plane separates them at all of A's placements."""
     placements = [ca.MX.sym(f"placement_{k}", 12) for k in range(kind.ends + 1)]
     body, normals = ca.MX.sym("body", 4 * kind.vertices + 1), ca.MX.sym("normals", kind.planes, 3)
-    supports, growth = ca.MX.sym("supports", kind.planes), [ca.MX.sym("growth", kind.planes, SIZES)] * kind.grows
+    supports, growth = ca.MX.sym("supports", kind.planes), [ca.MX.sym("growth", kind.planes, MOST_SIZES)] * kind.grows
     points, weights, radius = points_seen(placements, body)
     x, least = projections(points, radius, normals, supports)
 
@@ -119,8 +119,8 @@ def _where_near(
 def _chained(ends: int, n: int, exact: bool, movable: bool, grows: bool) -> ca.Function:
     """Function from min(D, 0) and D's derivatives by A's motions, and by B's sizes, to those of ½ min(D, 0)² by joints,
     by B's motion, and by B's sizes."""
-    every = 6 * ends + SIZES * grows
-    sizes = {"value": (1, 1), "wrench": (6 * ends, 1)} | ({"by_sizes": (SIZES, 1)} if grows else {})
+    every = 6 * ends + MOST_SIZES * grows
+    sizes = {"value": (1, 1), "wrench": (6 * ends, 1)} | ({"by_sizes": (MOST_SIZES, 1)} if grows else {})
     sizes |= {"hessian": (every, every), "screws": (6 * ends, n), "moves": (n, 1)}
     given = [ca.MX.sym(name, *size) for name, size in sizes.items()]
     value, wrench, *by_sizes, whole_hessian, screws, moves = given

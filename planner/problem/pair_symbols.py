@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hdplan.distance.symbolic.all_planes import SIZES
+from hdplan.distance.symbolic.all_planes import MOST_SIZES
 from hdplan.distance.symbolic.closed import ClosedForm
 from hdplan.distance.symbolic.rigid_motions import by_entries, twice_by_entries
 from hdplan.planner.collision.broad_phase import BodyPairs
@@ -25,7 +25,7 @@ from hdplan.planner.problem.one_pair import UNBRANCHED, PairKind, ball, box_seen
 from hdplan.planner.problem.symbolic_place import SymbolicPlace
 from hdplan.scenes.array_types import Array, Rows
 
-FRAME = 12 + SIZES  # numbers of a frame: its placement, and by how much the sizes of what it carries have changed
+FRAME = 12 + MOST_SIZES  # numbers of a frame: its placement, and by how much the sizes of what it carries have changed
 
 
 def clearance_form(
@@ -40,11 +40,11 @@ def clearance_form(
     kinematics, carried, ends = places[0].kinematics, places[0].frames, len(places)
     exact, movable, frames = places[0].exact, places[0].movable, carried.shape[1]
     n, joints = kinematics.n, kinematics.nj
-    changes = ca.horzcat(ca.MX.zeros(SIZES, joints), carried[12:, :])  # links do not grow
+    changes = ca.horzcat(ca.MX.zeros(MOST_SIZES, joints), carried[12:, :])  # links do not grow
     value, slope = ca.MX(0), ca.MX.zeros(n * ends)
-    pushed, grown = ca.MX.zeros(6, frames), ca.MX.zeros(SIZES, frames)
+    pushed, grown = ca.MX.zeros(6, frames), ca.MX.zeros(MOST_SIZES, frames)
     hessian = ca.MX.zeros(n * ends, n * ends)
-    sizes = 6 * n * ends, 36, 6, SIZES * n * ends, 6 * SIZES, SIZES * SIZES
+    sizes = 6 * n * ends, 36, 6, MOST_SIZES * n * ends, 6 * MOST_SIZES, MOST_SIZES * MOST_SIZES
     bent = [ca.MX.zeros(rows, frames) for rows in sizes]  # as `pair_second_order` has them, by frame
     screws = [place.columns for place in places]
     for slots in sorted(set(pairs.plane_slots.tolist())):
@@ -105,8 +105,8 @@ class _Pieces:
         flat = np.hstack([boxes[:, :3, :3].reshape(-1, 9), boxes[:, :3, 3]])
         table = pairs.plane_tables[slots][pairs.plane_row[once]]
         normals, growing = table[:, : 3 * slots].reshape(-1, 3), [growths.get(b) for b in piece.tolist()]
-        supports = [np.zeros((slots, SIZES)) if each is None else each.supports for each in growing]
-        halves = [np.zeros((3, SIZES)) if each is None else each.half_size for each in growing]
+        supports = [np.zeros((slots, MOST_SIZES)) if each is None else each.supports for each in growing]
+        halves = [np.zeros((3, MOST_SIZES)) if each is None else each.half_size for each in growing]
         return cls(
             pairs.joint_a[first],
             pairs.joint_b[once],
@@ -157,8 +157,8 @@ def _side_by_side(rows: Array, count: int) -> ca.DM:
 @functools.cache
 def _widened() -> ca.Function:
     """Function from the derivatives (9) of half sizes by sizes and a change of these to that of the half sizes (3)."""
-    widths, change = ca.SX.sym("widths", 9), ca.SX.sym("change", SIZES)
-    return ca.Function("widened", [widths, change], [ca.reshape(widths, 3, SIZES) @ change])
+    widths, change = ca.SX.sym("widths", 9), ca.SX.sym("change", MOST_SIZES)
+    return ca.Function("widened", [widths, change], [ca.reshape(widths, 3, MOST_SIZES) @ change])
 
 
 def _repeated(each: ca.MX, met: _Pieces) -> ca.MX:
@@ -173,7 +173,7 @@ def _given(kind: PairKind, met: _Pieces, n: int) -> tuple[list[ca.MX], list[ca.M
     own, normals, supports = ca.MX.sym("own", 12), ca.MX.sym("normals", planes, 3), ca.MX.sym("supports", planes)
     given, alike = [reached, *placed, own, normals, supports], [own, normals, supports]
     if met.growth is not None:
-        growth, change = ca.MX.sym("growth", planes, SIZES), ca.MX.sym("change", SIZES)
+        growth, change = ca.MX.sym("growth", planes, MOST_SIZES), ca.MX.sym("change", MOST_SIZES)
         given, alike = [*given, growth, change], [own, normals, supports + growth @ change, *[growth] * kind.grows]
     screws = [ca.MX.sym(f"screws{k}", 6, n) for k in range(kind.ends)]
     moves = ca.MX.sym("moves", n, count)
@@ -240,7 +240,7 @@ def _to_entries(n: int) -> ca.Function:
     """One frame's second derivatives, as `pair_second_order` has them, as those by the entries of its placement and its
     sizes: with the joints (n, 15), and with itself (15, 15)."""
     sizes = {"mixed": (6, n), "own": (6, 6), "push": (6, 1)}
-    sizes |= {"joints": (n, SIZES), "motion": (6, SIZES), "growth": (SIZES, SIZES)}
+    sizes |= {"joints": (n, MOST_SIZES), "motion": (6, MOST_SIZES), "growth": (MOST_SIZES, MOST_SIZES)}
     placement, symbols = ca.MX.sym("placement", 12), [ca.MX.sym(name, rows * of) for name, (rows, of) in sizes.items()]
     shapes = [(n, 6), *list(sizes.values())[1:]]
     mixed, own, push, joints, motion, growth = (

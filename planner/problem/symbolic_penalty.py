@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hdplan.distance.poses import check_poses
-from hdplan.distance.symbolic.all_planes import SIZES
+from hdplan.distance.symbolic.all_planes import MOST_SIZES
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
 from hdplan.planner.collision.growth import sizes_of
 from hdplan.planner.problem.assemble import on_frames
@@ -38,7 +38,7 @@ from hdplan.scenes.shapes import Shape
 if TYPE_CHECKING:
     from hdplan.planner.problem.problem import Problem
 
-FRAME = 12 + SIZES  # numbers of a frame, as in `pair_symbols`
+FRAME = 12 + MOST_SIZES  # numbers of a frame, as in `pair_symbols`
 HEIGHT = 11  # the place among them of the origin's z
 GROWING_SHAPES = ("box", "sphere", "cylinder", "capsule")  # shapes with sizes as parameters
 WRITTEN = {"at_samples": "written_at_sample", "over_motion": "written_over_motion"}
@@ -206,13 +206,13 @@ class SymbolicPenalty:
         homes = np.array([[*each.home[:3, :3].ravel(), *each.home[:3, 3]] for each in every])
         frames = _moved().map(sum(counts))(ca.reshape(poses, 12, -1), ca.DM(np.repeat(homes, counts, axis=0).T))
         mark = ca.sum2(_rigid().map(sum(counts))(ca.reshape(poses, 12, -1)))
-        change = ca.MX.zeros(SIZES, len(every))
+        change = ca.MX.zeros(MOST_SIZES, len(every))
         if sizes.numel():
-            spread = np.zeros((SIZES * len(every), sizes.numel()))
-            rows = [SIZES * row + k for row, each in enumerate(every) for k in range(len(each.sizes))]
+            spread = np.zeros((MOST_SIZES * len(every), sizes.numel()))
+            rows = [MOST_SIZES * row + k for row, each in enumerate(every) for k in range(len(each.sizes))]
             spread[rows, np.arange(len(rows))] = 1.0
             at_home = np.concatenate([each.sizes for each in every])
-            change = ca.reshape(ca.sparsify(ca.DM(spread)) @ (sizes - at_home), SIZES, len(every))
+            change = ca.reshape(ca.sparsify(ca.DM(spread)) @ (sizes - at_home), MOST_SIZES, len(every))
             mark += ca.sum1(ca.if_else(sizes >= 0, 0, math.nan))
         columns, changes, found, moving = np.cumsum([0, *counts]).tolist(), ca.horzsplit(change), [], len(self._away)
         for row, away in enumerate(self._away):

@@ -11,7 +11,7 @@ from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
 
-CELL = 0.08  # [m] edge of the cubes whose balls make a group
+CELL_EDGE = 0.08  # [m] edge of the cubes whose balls make a group
 MOST_SURFACES = 64  # into which a mesh is divided at once
 MOST_GROUPS = 1 << 16  # as a proof writes their numbers
 
@@ -23,7 +23,7 @@ def groups_of(shape: dict[str, Any]) -> Rows | None:
         return None
     if len(shape["parts"][0]) > 1:
         return np.arange(len(shape["parts"])) % MOST_GROUPS
-    order, first = grouped(np.array(shape["points"]), CELL)
+    order, first = grouped(np.array(shape["points"]), CELL_EDGE)
     found = np.empty(len(order), dtype=np.int64)
     found[order] = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(order)))) % MOST_GROUPS
     return found

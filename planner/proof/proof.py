@@ -1,6 +1,6 @@
 """A certified motion → its proof: a file that `hdplan.verify` checks without hdplan (docs/proof.md).
 
-The certificate says what can be proven; here the planes are found that prove nearly as much (SHORTS) by the
+The certificate says what can be proven; here the planes are found that prove nearly as much (ALLOWED_LOSSES) by the
 checker's own bound. A mesh whose hull is too close is divided into groups of triangles, finer where that is needed.
 """
 
@@ -40,7 +40,8 @@ from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, u
 from hdplan.verify.reading import Reading, read_world
 from hdplan.verify.world import Piece, World
 
-SHORTS = (1e-4, 5e-4, 2e-3)  # [m] by which less is proven than by the certificate: more only where sizes are unknown
+# [m] by which a proof may fall short of the certificate's clearance: the larger ones only where sizes are unknown.
+ALLOWED_LOSSES = (1e-4, 5e-4, 2e-3)
 COMPRESSION = 1  # level of compression: a tenth larger than by the usual one, in a fifth of the time
 MOST_ROUNDS = 40  # in which meshes are divided
 
@@ -184,7 +185,7 @@ class _Writer:
         self.known = dict[Any, tuple[Rows, Array]]()  # depths and normals by pieces
 
     def write(self, certificate: Certificate) -> Proof:
-        *more, last = SHORTS if any(unknown_in(self.setup.scene)) else SHORTS[:1]
+        *more, last = ALLOWED_LOSSES if any(unknown_in(self.setup.scene)) else ALLOWED_LOSSES[:1]
         for short in more:  # the checker's own bounds on what is unknown are a little larger
             with contextlib.suppress(NotProvenError):
                 return self._written(certificate, short)

@@ -13,7 +13,7 @@ import numpy as np
 from hdplan.distance.compiled.cache import content_key, load, store
 from hdplan.planner.robot.always_touching import always_touching
 from hdplan.planner.robot.content import Parts, geometry_content, tree_content
-from hdplan.planner.robot.self_pairs import CONTACT_SAMPLES, EXCESS, in_contact
+from hdplan.planner.robot.self_pairs import CONTACT_SAMPLES, LIMIT_EXCESS, in_contact
 from hdplan.scenes.robot_files.link_pairs import LinkPair
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ FIRST_SAMPLES = 20  # samples at which most pairs are seen apart, in a moment
 
 def lasting_contacts(robot: Robot, pairs: Iterable[LinkPair]) -> tuple[tuple[LinkPair, ...], tuple[LinkPair, ...]]:
     """Return the pairs that touch at each of CONTACT_SAMPLES random configurations (fixed seed), and the pairs among
-    these with a proof that they always touch (`always_touching`), up to EXCESS beyond the limits."""
+    these with a proof that they always touch (`always_touching`), up to LIMIT_EXCESS beyond the limits."""
     samples = robot.draw(np.random.default_rng(0), CONTACT_SAMPLES)
     left = in_contact(robot, pairs, samples[:FIRST_SAMPLES])
     if not left:
@@ -37,7 +37,7 @@ def lasting_contacts(robot: Robot, pairs: Iterable[LinkPair]) -> tuple[tuple[Lin
         touching, proven = ({(a, b) for a, b in row} for row in known)
         return tuple(pair for pair in left if pair in touching), tuple(pair for pair in left if pair in proven)
     touch = in_contact(robot, left, samples[FIRST_SAMPLES:])
-    always = always_touching(robot, touch, EXCESS)
+    always = always_touching(robot, touch, LIMIT_EXCESS)
     if key is not None:
         store("lasting_contacts", key, [touch, always])
     return touch, always

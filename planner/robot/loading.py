@@ -17,7 +17,7 @@ from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.planner.robot.self_pairs import (
     ALWAYS_TOUCHING,
     CONTACT_SAMPLES,
-    EXCESS,
+    LIMIT_EXCESS,
     NEVER_TOUCHING,
     excluded,
     never_in_contact,
@@ -38,8 +38,8 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     The planned joints are those of the SRDF group that the specification names; without one, those of the SRDF's arm
     group, or else all joints except those of a hand. Mimic joints, and those that the SRDF calls passive, are never
     planned: mimic joints move with the joint that they follow, where that is planned.
-    All other joints are held: at the scene's value (at most EXCESS beyond the limits), or else at the value of the
-    first named state that has one, or else at 0, or as near to it as their limits allow.
+    All other joints are held: at the scene's value (at most LIMIT_EXCESS beyond the limits), or else at the value of
+    the first named state that has one, or else at 0, or as near to it as their limits allow.
 
     Raises:
         InputError: unknown robot, group, joint or link; a file that cannot be read; a joint with several coordinates.
@@ -134,10 +134,10 @@ def _ranges(full: pin.Model, spec: RobotSpec, name: str) -> dict[str, tuple[floa
     ranges = {joint: range_of(full, joint) for joint in joints}
     for joint, value in spec.locked.items():
         low, high = ranges[joint]
-        if not low - EXCESS <= value <= high + EXCESS:
+        if not low - LIMIT_EXCESS <= value <= high + LIMIT_EXCESS:
             raise InputError(
-                f"robot.locked or start: joint '{joint}' is to be held at {value:g}, more than {EXCESS:g} beyond its "
-                f"limits [{low:g}, {high:g}]"
+                f"robot.locked or start: joint '{joint}' is to be held at {value:g}, more than {LIMIT_EXCESS:g} beyond "
+                f"its limits [{low:g}, {high:g}]"
             )
     return ranges
 

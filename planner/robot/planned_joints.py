@@ -11,7 +11,7 @@ import pinocchio as pin
 from hdplan.planner.robot.linkage import room_of, rules_of
 from hdplan.scenes.errors import InputError, listed, naming, nearest
 from hdplan.scenes.robot_files.description import Semantics, Tree
-from hdplan.scenes.robot_files.mjcf import UNLIMITED
+from hdplan.scenes.robot_files.mjcf import SLIDE_LIMIT
 from hdplan.scenes.robot_spec import RobotSpec
 
 GRIPPER = re.compile("finger|gripper|knuckle|thumb", re.IGNORECASE)  # joints of a hand: held
@@ -24,7 +24,7 @@ def range_of(model: pin.Model, joint: str) -> tuple[float, float]:
     if kind.nq != 1:
         return -np.inf, np.inf
     low, high = float(model.lowerPositionLimit[kind.idx_q]), float(model.upperPositionLimit[kind.idx_q])
-    return low if low > -UNLIMITED else -np.inf, high if high < UNLIMITED else np.inf
+    return low if low > -SLIDE_LIMIT else -np.inf, high if high < SLIDE_LIMIT else np.inf
 
 
 def with_range(ranges: Mapping[str, tuple[float, float]], tree: Tree) -> list[str]:

@@ -26,7 +26,7 @@ from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import LISTED_NAMES, InputError, UnsolvableError, listed, nearest
 from hdplan.scenes.files import Stamps
 from hdplan.scenes.once import freeze, read_only
-from hdplan.scenes.poses import TURN, Pose
+from hdplan.scenes.poses import LARGEST_ANGLE, Pose
 from hdplan.scenes.robot_files.description import Semantics
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
 from hdplan.scenes.targets import JointTarget
@@ -238,7 +238,7 @@ class Robot:
         for joint, value, low, high in zip(self.joint_names, q.tolist(), self.lower, self.upper, strict=True):
             if not low - slack <= value <= high + slack:
                 beyond = f"{where}: joint '{joint}' is {value:g}, outside its limits [{low:g}, {high:g}]"
-                degrees = self.turning[self.joint_names.index(joint)] and abs(value) > TURN
+                degrees = self.turning[self.joint_names.index(joint)] and abs(value) > LARGEST_ANGLE
                 hint = "; is it in degrees? hdplan takes radians" if degrees else ""
                 raise UnsolvableError(f"{beyond}{hint}", "end_beyond_limits")
         return q

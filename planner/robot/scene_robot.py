@@ -16,7 +16,7 @@ from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.self_pairs import EXCESS, NEVER_TOUCHING
+from hdplan.planner.robot.self_pairs import LIMIT_EXCESS, NEVER_TOUCHING
 from hdplan.planner.robot.tracking import tracking
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming
@@ -37,9 +37,9 @@ def load_scene_robot(scene: Scene) -> Robot:
     """Load a scene's robot, with the start's values for joints that it names and that are not planned, with the objects
     that it holds, within the scene's own position limits, and without self pairs if the scene says so.
 
-    The limits are widened for a request's start and goal and for named states, by up to EXCESS, which is noted. Returns
-    the same object for the same specification as long as its files do not change. Raises InputError, naming the file
-    that specifies the robot.
+    The limits are widened for a request's start and goal and for named states, by up to LIMIT_EXCESS, which is noted.
+    Returns the same object for the same specification as long as its files do not change. Raises InputError, naming the
+    file that specifies the robot.
     """
     with naming(scene.robot.source or scene.source):
         robot = _load_bare(scene)
@@ -171,8 +171,8 @@ def _holding(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
 
 
 def _with_room(robot: Robot, scene: Scene) -> Robot:
-    """Widen the limits, by at most EXCESS, to ends of a request or a named state that lie beyond them, but not those of
-    a joint that others follow; a plan goes beyond the robot's own (`Robot.inner`) at these ends alone."""
+    """Widen the limits, by at most LIMIT_EXCESS, to ends of a request or a named state that lie beyond them, but not
+    those of a joint that others follow; a plan goes beyond the robot's own (`Robot.inner`) at these ends alone."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
     ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
     for target in ends:
@@ -183,9 +183,9 @@ def _with_room(robot: Robot, scene: Scene) -> Robot:
             given = target.by_name or dict(zip(robot.joint_names, target.positions or (), strict=False))
         for i, joint in enumerate(robot.joint_names):
             value = None if robot.followed[i] else given.get(joint)  # what follows may have limits of its own
-            if value is not None and 0.0 < robot.lower[i] - value <= EXCESS:
+            if value is not None and 0.0 < robot.lower[i] - value <= LIMIT_EXCESS:
                 lower[i] = min(lower[i], value)
-            if value is not None and 0.0 < value - robot.upper[i] <= EXCESS:
+            if value is not None and 0.0 < value - robot.upper[i] <= LIMIT_EXCESS:
                 upper[i] = max(upper[i], value)
     if np.array_equal(lower, robot.lower) and np.array_equal(upper, robot.upper):
         return robot

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 CONTACT_SAMPLES = 1000  # configurations at which a pair must touch before it is examined
-EXCESS = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of a robot differ
+LIMIT_EXCESS = 0.1  # [rad or m] beyond a limit, where a request or a named state may lie: descriptions differ
 ROUNDING = 1e-6  # [m] by which balls must be apart beyond their radii
 # Reasons for which pairs of links are not checked, beside those that files give.
 NEIGHBOURS, MOVE_AS_ONE = "neighbours", "moving as one"
@@ -98,7 +98,7 @@ def never_in_contact(model: pin.Model, geometry: pin.GeometryModel, held: Mappin
     Seen from the joint that carries both branches, each link stays within a ball: about its geometry, grown at every
     joint on the way. A revolute joint carries a ball of radius r, its centre at p, about its axis a: it stays within
     the ball about (a·p) a of radius r + |p - (a·p) a|. A prismatic one of range [l, u] leads to the ball about
-    p + (l + u) / 2 a of radius r + (u - l) / 2; ranges are a little wider than the limits (EXCESS), and reach the
+    p + (l + u) / 2 a of radius r + (u - l) / 2; ranges are a little wider than the limits (LIMIT_EXCESS), and reach the
     values `held`. Where the two balls are apart, so are the links.
     """
     carried: dict[str, int] = {}
@@ -135,8 +135,8 @@ def _along_the_way(
         else:
             at = held.get(str(model.names[joint]), 0.0)
             index = model.joints[joint].idx_q
-            low = min(float(model.lowerPositionLimit[index]) - EXCESS, at)
-            high = max(float(model.upperPositionLimit[index]) + EXCESS, at)
+            low = min(float(model.lowerPositionLimit[index]) - LIMIT_EXCESS, at)
+            high = max(float(model.upperPositionLimit[index]) + LIMIT_EXCESS, at)
             centre, radius = centre + slide * (low + high) / 2, radius + (high - low) / 2
         joint, placement = int(model.parents[joint]), model.jointPlacements[joint]
         found[joint] = placement.act(centre), radius

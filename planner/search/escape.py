@@ -17,7 +17,7 @@ from hdplan.planner.problem.samples import Samples
 from hdplan.scenes.array_types import Array
 
 FREE_AROUND = 0.08  # [m] that nothing is nearer than in the end: about the opening of a gripper
-STEPS, LONGEST, LEAST = 40, 0.15, 1e-3  # steps at most, and how far the joint that moves most goes [rad or m]
+STEPS, LONGEST, LEAST_STEP = 40, 0.15, 1e-3  # steps at most, and how far the joint that moves most goes [rad or m]
 DAMPING = 1e-2  # share of the mean curvature
 CORNERS = 3  # of a way back, at most
 
@@ -72,7 +72,7 @@ def _back(problem: Problem, terms: tuple[Clearance, ...], end: Array) -> Array:
         step = -np.linalg.solve(damped, gradient)
         step *= min(1.0, LONGEST / np.abs(step).max())
         after = np.clip(way[-1] + step, *problem.robot.inner)
-        if np.abs(after - way[-1]).max() < LEAST:
+        if np.abs(after - way[-1]).max() < LEAST_STEP:
             break
         way.append(after)
     return np.array(way)

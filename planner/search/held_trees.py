@@ -30,7 +30,7 @@ TURN, AT_ONCE = 256, 32  # targets of the trees, before another guess has its tu
 SHORTEST, LONGEST = 0.05, 0.2  # of a line between two nodes [rad or m]
 LONGEST_STRETCH = 2.0  # times as long a line may be once its end is on the constraints
 BAND_SHARE = 0.9  # share of the band below the bound of a constraint that may be used up along a line
-PULLS = 5  # steps that bring the end of a line back onto the constraints; what needs more is left
+PULL_STEPS = 5  # steps that bring the end of a line back onto the constraints; what needs more is left
 LEAST_STEP_SHARE = 0.2  # of a step that must be left once its end is on the constraints, for a branch to grow further
 SHORTCUTS = 60  # that are tried between two nodes of a way
 ARRIVED = 1e-9  # [rad or m]
@@ -137,7 +137,7 @@ class HeldTrees:
         return np.asarray(found)
 
     def _onto(self, q: Array) -> Array:
-        return np.clip(onto_path(self.problem, q, PULLS), *self.problem.robot.inner)
+        return np.clip(onto_path(self.problem, q, PULL_STEPS), *self.problem.robot.inner)
 
     def _used(self, q: Array) -> Array:
         """Share of the constraints' bands that is used up at configurations (k, n)."""

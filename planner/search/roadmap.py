@@ -24,10 +24,10 @@ NODES = 48  # configurations drawn for each guess; the clear ones are kept
 SPREADS = (0.3, 0.6, 1.0)  # shares of the joint ranges by which they may deviate from the straight line
 NEIGHBOURS = 8  # nearest nodes to which a new one is connected
 LOOKS, CLOSE_LOOKS = 6, 48  # configurations at which an edge is scored; the latter on a path to be taken
-DEPTH = 0.01  # [m] inside the margin at which a piece of an edge costs twice as much
+DOUBLING_DEPTH = 0.01  # [m] inside the margin at which a piece of an edge costs twice as much
 FREE_SHARE = 0.8  # share of the activation that a node may use up where distances are exact
 WORN_FACTOR = 3.0  # factor on the cost of an edge that has been tried
-PULLS = 30  # steps that bring a configuration onto the path constraints
+PULL_STEPS = 30  # steps that bring a configuration onto the path constraints
 
 
 def seeds(problem: Problem, seed: int) -> Iterator[Array]:
@@ -57,7 +57,7 @@ def seeds(problem: Problem, seed: int) -> Iterator[Array]:
         yield problem.polyline(between if roadmap is roadmaps[0] else np.vstack([first, between, last]))
 
 
-def onto_path(problem: Problem, q: Array, pulls: int = PULLS) -> Array:
+def onto_path(problem: Problem, q: Array, pulls: int = PULL_STEPS) -> Array:
     """Move configurations (B, n) onto the path constraints, by so many steps of damped least squares at most: random
     ones almost never satisfy them."""
     from hdplan.planner.kinematics.inverse import damped_step  # imported here, as few scenes have path constraints
@@ -138,12 +138,12 @@ class Roadmap:
 
     def _costs(self, edges: Rows, count: int) -> Array:
         """Length of each edge (E, 2), times 1 + the mean squared depth at `count` points along it, in units of
-        DEPTH."""
+        DOUBLING_DEPTH."""
         first, last = self.nodes[edges[:, 0]], self.nodes[edges[:, 1]]
         fractions = (np.arange(count)[:, None] + 0.5) / count
         looks = first[:, None] + fractions * (last - first)[:, None]
         depth = self.problem.depth(looks.reshape(-1, first.shape[1])).reshape(-1, count)
-        costs: Array = np.linalg.norm(last - first, axis=1) * (1 + np.mean((depth / DEPTH) ** 2, axis=1))
+        costs: Array = np.linalg.norm(last - first, axis=1) * (1 + np.mean((depth / DOUBLING_DEPTH) ** 2, axis=1))
         return costs
 
 

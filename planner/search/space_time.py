@@ -5,7 +5,7 @@ law gives a time. A motion waits at a node for a step, or takes an edge in one o
 goes back (a time-expanded graph; along a single line it is the path-velocity decomposition of Kant & Zucker 1986). A
 move of length ℓ over a share Δ of u costs
 
-    ½ ℓ²/Δ + PENALTY_WEIGHT Δ mean((depth/DEPTH)²)
+    ½ ℓ²/Δ + PENALTY_WEIGHT Δ mean((depth/DOUBLING_DEPTH)²)
 
 with the depths inside margins where the obstacles are by then, and those that the solver gives to velocities near their
 limits: to first order what the solver makes of it. The first way keeps to the straight line, and waits or hurries on
@@ -24,7 +24,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.velocity_penalty import LEVER, PENALIZED_SHARE
-from hdplan.planner.search.roadmap import DEPTH, WORN_FACTOR, Roadmap
+from hdplan.planner.search.roadmap import DOUBLING_DEPTH, WORN_FACTOR, Roadmap
 from hdplan.planner.solvers.solution import CLEAR_SHARE, DETOUR_WEIGHT
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.once import read_only
@@ -32,7 +32,7 @@ from hdplan.scenes.once import read_only
 STEPS = 30  # even, as the time law is steepest in the middle
 EDGE_STEPS = read_only(np.array([1, 2, 3, 4, 6, 8, 12, 16]))  # steps that an edge may take
 PIECES, LEAPS = 12, 4  # of the straight line; so many of them at once are edges, too
-PENALTY_WEIGHT = DETOUR_WEIGHT * DEPTH**2 / 2  # of being DEPTH inside a margin all along
+PENALTY_WEIGHT = DETOUR_WEIGHT * DOUBLING_DEPTH**2 / 2  # of being DOUBLING_DEPTH inside a margin all along
 LOOK, FEWEST, MOST = 0.1, 3, 48  # [rad or m] between configurations at which an edge is scored; how many
 WORN_STEPS = 3  # steps before and after a move that has been tried in which its edge costs more
 TINY_SQUARE = 1e-12  # [rad² or m²]
@@ -73,7 +73,7 @@ class TimedRoadmap(Roadmap):
             self._string(np.vstack([first[1:], _pieces(first[-1], last[0]), last[:-1]]))
         self.costs = self._costs(self.edges, FEWEST)
         self.close = np.zeros(len(self.edges), dtype=np.bool_)  # whether an edge has been scored at all times
-        self.waits = np.empty((0, STEPS + 1))  # (C, S + 1) (depth/DEPTH)² of each node at each step
+        self.waits = np.empty((0, STEPS + 1))  # (C, S + 1) (depth/DOUBLING_DEPTH)² of each node at each step
         self.penalties = np.empty((0, 2, STEPS, len(EDGE_STEPS)))  # (E, 2, S, T) their means over moves, both ways
         self.worn = np.empty((0, STEPS))  # (E, S) factors
 
@@ -132,8 +132,8 @@ class TimedRoadmap(Roadmap):
         self.worn = np.vstack([self.worn, np.ones((len(edges), STEPS))])
 
     def _penalties(self, edges: Rows) -> Array:
-        """The mean (depth/DEPTH)² of moves along edges (E,) -> (E, 2, S, T): there and back, beginning at every
-        step."""
+        """The mean (depth/DOUBLING_DEPTH)² of moves along edges (E,) -> (E, 2, S, T): there and back, beginning at
+        every step."""
         counts = np.clip(np.ceil(self._lengths(self.edges[edges]) / LOOK), FEWEST, MOST).astype(np.int64)
         first, last = (np.repeat(self.nodes[ends], counts, axis=0) for ends in self.edges[edges].T)
         fractions = np.concatenate([_fractions(count) for count in counts.tolist()])
@@ -145,13 +145,13 @@ class TimedRoadmap(Roadmap):
         return np.stack(found)
 
     def _depths(self, configurations: Array) -> Array:
-        """(depth/DEPTH)² of configurations (B, n) at every step (B, S + 1)."""
+        """(depth/DOUBLING_DEPTH)² of configurations (B, n) at every step (B, S + 1)."""
         batch, steps = len(configurations), len(self.parameters)
         kinematics = self.problem.placed(configurations)
         again = np.repeat(np.arange(batch), steps)
         repeated = KinematicsBatch(kinematics.placements[again], kinematics.columns[again])
         moving = self.moving.depth(repeated, np.tile(self.parameters, batch)).reshape(batch, steps)
-        depths: Array = (np.maximum(moving, self.problem.depth(configurations)[:, None]) / DEPTH) ** 2
+        depths: Array = (np.maximum(moving, self.problem.depth(configurations)[:, None]) / DOUBLING_DEPTH) ** 2
         return depths
 
     def _lengths(self, edges: Rows) -> Array:
@@ -163,7 +163,7 @@ class TimedRoadmap(Roadmap):
         ends, shares = self.edges[edges], EDGE_STEPS / STEPS
         travel = np.abs(self.nodes[ends[:, 1]] - self.nodes[ends[:, 0]]) / self.problem.setup.limits["velocity"]
         fast = travel.max(axis=1)[:, None, None] * self.path_speeds / shares  # (E, S, T) share of the greatest velocity
-        beyond = (LEVER * np.maximum(fast - PENALIZED_SHARE, 0.0) / DEPTH) ** 2
+        beyond = (LEVER * np.maximum(fast - PENALIZED_SHARE, 0.0) / DOUBLING_DEPTH) ** 2
         smooth = self._lengths(ends)[:, None] ** 2 / shares / 2
         edge_cost: Array = smooth[:, None, None] + PENALTY_WEIGHT * shares * (self.penalties[edges] + beyond[:, None])
         edge_cost *= _over_takes(self.worn[edges], 0)[:, None]

@@ -27,7 +27,7 @@ from hdplan.scenes.scene import Scene
 ROUNDS, QUICK_ROUNDS = 16, 4  # of polish
 LIMITS = Limits(velocity="urdf", acceleration=15.0, jerk=500.0)  # those with which cuRobo's results are published
 TIME_LIMIT = 30.0  # [s] for a plan
-LOOKS = 8  # points between two rows at which the acceleration is taken
+ACCELERATION_SAMPLES = 8  # points between two rows at which the acceleration is taken
 SPENT = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0)  # multiples of the time to the first motion in the table
 
 
@@ -154,8 +154,8 @@ def _measures(robot: Robot, motion: Trajectory) -> tuple[float, float]:
     """Return the length of a motion's path [rad], and ∫ |q̈|² dt [rad²/s³] of the executed curve by the midpoint
     rule."""
     curve = curve_of(robot, motion)
-    interval = np.repeat(np.arange(len(curve.widths)), LOOKS)
-    fraction = (np.tile(np.arange(LOOKS), len(curve.widths)) + 0.5) / LOOKS
+    interval = np.repeat(np.arange(len(curve.widths)), ACCELERATION_SAMPLES)
+    fraction = (np.tile(np.arange(ACCELERATION_SAMPLES), len(curve.widths)) + 0.5) / ACCELERATION_SAMPLES
     acceleration = curve.over_time(2).at(interval, fraction)
-    squared = float((acceleration**2).sum(axis=1) @ (curve.widths[interval] / LOOKS))
+    squared = float((acceleration**2).sum(axis=1) @ (curve.widths[interval] / ACCELERATION_SAMPLES))
     return path_length(motion), squared

@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hdplan.distance.poses import RIGID
+from hdplan.distance.poses import RIGID_ERROR
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION
@@ -87,7 +87,7 @@ def _words(found: ScenePairs, prefix: str) -> dict[str, str]:
         **{f"some_{name}": str(max(count, 1)) for name, count in counts.items()},  # C has no empty arrays
         "values": str(tree.n),
         "frames": str(frames),
-        "rigid": _number(RIGID**2),
+        "rigid": _number(RIGID_ERROR**2),
         "stack": str(-(-memory // 1024) * 1024),
         "kernels": written.source,
         "arguments": str(written.arguments),

@@ -33,7 +33,7 @@ TOLERANCES = tuple(f"absolute_{axis}_axis_tolerance" for axis in AXES)
 FREE_TOLERANCE = 3.14  # [rad] a tolerance of this or more leaves the axis free: π as people type it
 WIDEST_CONE = 1.5  # [rad] below π/2, so that the argument above holds
 LARGEST_BALL = 1.0  # [m] tolerance of a goal's position
-SLANT = 1e-2  # [rad] by which an upright axis may be off; it is subtracted from the tolerance
+UPRIGHT_ERROR = 1e-2  # [rad] by which an upright axis may be off; it is subtracted from the tolerance
 
 
 def read_goal_constraints(section: Field, name: str, frames: Frames) -> JointTarget | Goals:
@@ -210,7 +210,7 @@ def _upright(entry: Field, frames: Frames) -> Upright:
     direction = Pose(quaternion_xyzw=turn.quaternion).matrix[:3, index]
     slant = math.atan2(math.hypot(direction[0], direction[1]), abs(direction[2]))
     slant = 0.0 if slant <= UNIT_ERROR else slant  # what the last decimals of a quaternion make of the vertical
-    if slant > SLANT or slant >= turn.tolerance:
+    if slant > UPRIGHT_ERROR or slant >= turn.tolerance:
         x, y, z = (np.round(direction, 3) + 0.0).tolist()
         found = f"keeps the link's {turn.free} axis along ({x:g}, {y:g}, {z:g})"
         raise entry.error(f"{found}; only up or down is supported")

@@ -190,7 +190,7 @@ MESSAGES: Mapping[str, Mapping[str, Use]] = {
 }
 """Message -> field -> what is done with it. Lists of messages go by the message's name."""
 
-SHOWN = 4  # fields that one note names
+SHOWN_FIELDS = 4  # fields that one note names
 
 
 def check_message(top: Field, kind: str) -> None:
@@ -202,8 +202,8 @@ def check_message(top: Field, kind: str) -> None:
     noted: dict[str, list[str]] = {}
     _walk(top, kind, noted)
     for why, keys in noted.items():
-        more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
-        Field(None, f"{', '.join(keys[:SHOWN])}{more}", top.document).note(why)
+        more = f" and {len(keys) - SHOWN_FIELDS} more" if len(keys) > SHOWN_FIELDS else ""
+        Field(None, f"{', '.join(keys[:SHOWN_FIELDS])}{more}", top.document).note(why)
 
 
 def _walk(entry: Field, kind: str, noted: dict[str, list[str]]) -> None:

@@ -18,7 +18,7 @@ from hdplan.scenes.robot_files.description import Semantics, Tree
 from hdplan.scenes.robot_spec import RobotSpec
 
 KEYS = ("max_velocity_scaling_factor", "max_acceleration_scaling_factor")
-ACCELERATION = 1.0
+ASSUMED_ACCELERATION = 1.0
 """[rad/s²] or [m/s²], as URDFs hold no limit: what MoveIt's IterativeParabolicTimeParameterization takes for a joint
 without one (DEFAULT_ACCEL_MAX); newer versions refuse such joints, whose limits are then in joint_limits.yaml."""
 
@@ -40,8 +40,8 @@ def read_speed(
         return Limits()
     asking[0].note(
         f"velocities stay within {of_velocity:g} of the URDF's limits, accelerations within "
-        f"{of_acceleration * ACCELERATION:g} rad/s² or m/s²: {of_acceleration:g} of the {ACCELERATION:g} assumed, as a "
-        "URDF has no acceleration limits"
+        f"{of_acceleration * ASSUMED_ACCELERATION:g} rad/s² or m/s²: {of_acceleration:g} of "
+        f"the {ASSUMED_ACCELERATION:g} assumed, as a URDF has no acceleration limits"
     )
     members = semantics.groups.get(robot.group) if isinstance(robot.group, str) else robot.group
     held = {*robot.locked, *semantics.passive, *(tree.parent[link][1] for link in tree.fixed)}
@@ -57,4 +57,4 @@ def read_speed(
             factor *= abs(more)
         if limit > 0.0 < factor and joint not in held and (members is None or joint in members):
             velocities[joint] = min(velocities.get(joint, math.inf), of_velocity * limit / factor)
-    return asking[0].make(Limits, velocity=velocities or "urdf", acceleration=of_acceleration * ACCELERATION)
+    return asking[0].make(Limits, velocity=velocities or "urdf", acceleration=of_acceleration * ASSUMED_ACCELERATION)

@@ -20,7 +20,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, listed, nearest
 from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
-from hdplan.scenes.robot_files.mjcf_classes import MAIN, DefaultClasses
+from hdplan.scenes.robot_files.mjcf_classes import DEFAULT_CLASS, DefaultClasses
 from hdplan.scenes.robot_files.mjcf_couplings import add_mimics
 from hdplan.scenes.robot_files.mjcf_geoms import Geoms
 from hdplan.scenes.robot_files.mjcf_includes import with_includes
@@ -29,7 +29,7 @@ from hdplan.scenes.robot_files.mjcf_values import Attributes, Settings, about, c
 from hdplan.scenes.robot_files.mjcf_words import called, check_mjcf_words
 from hdplan.scenes.robot_files.urdf_writing import add_joint, words
 
-UNLIMITED = 1e6  # [rad] or [m] a limit in a URDF that stands for none: it has no slides without limits
+SLIDE_LIMIT = 1e6  # [rad] or [m] a limit in a URDF that stands for none: it has no slides without limits
 WORLD = "world"
 
 
@@ -59,7 +59,7 @@ def as_urdf(root: Element, path: Path) -> Converted:
         raise InputError("no <worldbody>: it holds no robot")
     model = _Model.of(root, path)
     for world in root.findall("worldbody"):
-        model.add_body(_Body(WORLD, None, Pose(), MAIN), world)
+        model.add_body(_Body(WORLD, None, Pose(), DEFAULT_CLASS), world)
     joints = {joint.get("name", ""): joint for joint in model.urdf.findall("joint")}
     notes = list(add_mimics(root, model.classes, joints, model.references))
     links = {link.get("name", "") for link in model.urdf.findall("link")}
@@ -208,7 +208,7 @@ class _Model:
         joint = add_joint(self.urdf, name, types[kind], ends, compose(origin, shift) if reference else origin)
         SubElement(joint, "axis", xyz=words(axis))
         if limits is not None or kind == "slide":
-            low, high = limits or (-UNLIMITED, UNLIMITED)
+            low, high = limits or (-SLIDE_LIMIT, SLIDE_LIMIT)
             SubElement(joint, "limit", lower=repr(low), upper=repr(high), effort="0", velocity="0")
         self.references[name] = reference
 

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.robot_files.mjcf_words import called
 
-MAIN = "main"  # the class of all that have no other
+DEFAULT_CLASS = "main"  # the class of all that have no other
 
 Values = dict[str, dict[str, str]]  # kind of element -> attribute -> value
 
@@ -21,10 +21,10 @@ class DefaultClasses:
 
         Raises InputError for a class without a name, or one whose name is taken.
         """
-        self._values: dict[str, Values] = {MAIN: {}}
+        self._values: dict[str, Values] = {DEFAULT_CLASS: {}}
         for section in sections:
-            self._read(section, MAIN, self._values[MAIN])
-            self._values[section.get("class", MAIN)] = self._values[MAIN]
+            self._read(section, DEFAULT_CLASS, self._values[DEFAULT_CLASS])
+            self._values[section.get("class", DEFAULT_CLASS)] = self._values[DEFAULT_CLASS]
 
     def _read(self, section: Element, name: str, above: Values) -> None:
         own = {kind: dict(values) for kind, values in above.items()}
@@ -46,7 +46,7 @@ class DefaultClasses:
             raise InputError(f"{where}: unknown class '{name}'{nearest(name, self._values)}")
         return name
 
-    def applied(self, element: Element, inherited: str = MAIN, kind: str | None = None) -> dict[str, str]:
+    def applied(self, element: Element, inherited: str = DEFAULT_CLASS, kind: str | None = None) -> dict[str, str]:
         """Return an element's attributes, with those of its class, or else of the one that it inherits."""
         name = self.check(element.get("class", inherited), called(element))
         return {**self._values[name].get(kind or element.tag, {}), **element.attrib}

@@ -18,7 +18,7 @@ from hdplan.scenes.errors import InputError, listed
 PACKAGE_FILE = "package.xml"
 IGNORED = ("COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE")  # files that tell ROS to pass over a folder
 OF_ROS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
-LEVELS = 3  # above a description's own package at which its neighbours are sought
+NEIGHBOUR_LEVELS = 3  # above a description's own package at which its neighbours are sought
 SCHEMES = ("package", "model")  # of addresses in a package
 
 
@@ -89,7 +89,7 @@ class Packages:
         """Return the package of that name near the description's own. Raises InputError where there are two."""
         if self._own is None:
             return None
-        for above in list(self._own.parents)[:LEVELS]:
+        for above in list(self._own.parents)[:NEIGHBOUR_LEVELS]:
             found = [folder for folder in _packages_below(above) if _name(folder) == name]
             if len(found) > 1:
                 raise InputError(

@@ -29,7 +29,7 @@ SIZES = {  # attributes of each shape with their number of values, all of which 
 BOUNDED = ("revolute", "prismatic")
 KINDS = (*BOUNDED, "continuous", "fixed", "floating", "planar")
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-ROUNDING = 1e-2, 1e-9  # of moments of inertia, relative and [kg m²]: descriptions give two to nine digits
+MOMENT_ROUNDING = 1e-2, 1e-9  # of moments of inertia, relative and [kg m²]: descriptions give two to nine digits
 SHORTEST_AXIS = 1e-9  # length of an axis: squares of shorter ones are lost, and the joint would stand still, or shear
 WORLD = "universe"  # Pinocchio's name for the world: of a joint of this name it would find another one's limits
 LARGEST_NUMBER = 1e6  # [m, rad] in size, of any number of a geometry: beyond it distances are lost in rounding
@@ -60,8 +60,8 @@ def impossible_inertias(root: ElementTree.Element) -> tuple[str, ...]:
             xx, xy, xz, yy, yz, zz = _moments(inertial, "inertial")
             least, middle, most = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             (mass,) = _numbers(inertial.find("mass"), "value", 1, "inertial: mass")
-            rounding = ROUNDING[0] * max(most, -least) + ROUNDING[1]
-            if min(least, least + middle - most) < -rounding or (mass == 0.0 and most > ROUNDING[1]):
+            rounding = MOMENT_ROUNDING[0] * max(most, -least) + MOMENT_ROUNDING[1]
+            if min(least, least + middle - most) < -rounding or (mass == 0.0 and most > MOMENT_ROUNDING[1]):
                 found.append(link.get("name", ""))
     return tuple(found)
 

@@ -43,7 +43,7 @@ from hdplan.scenes.yaml_format.shape_fields import read_shape
 from hdplan.scenes.yaml_format.targets import read_goal, read_target
 
 VERSION = 1
-SHOWN = 12  # shipped scenes that an error names
+SHOWN_SCENES = 12  # shipped scenes that an error names
 SECTIONS = (
     "hdplan",
     "robot",
@@ -144,7 +144,9 @@ def find_scene(path: FilePath) -> Path:
     if str(file) in shipped:
         return shipped[str(file)]
     close = difflib.get_close_matches(file.stem, shipped, n=1)
-    hint = f"did you mean the shipped scene '{close[0]}'?" if close else f"shipped scenes: {listed(shipped, SHOWN)}"
+    hint = (
+        f"did you mean the shipped scene '{close[0]}'?" if close else f"shipped scenes: {listed(shipped, SHOWN_SCENES)}"
+    )
     raise InputError(f"{file}: no such file ({hint})")
 
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.path_check import SLACK, Kept, PathCheck, PathProof
+from hdplan.planner.certificate.path_check import TOLERANCE_SLACK, Kept, PathCheck, PathProof
 from hdplan.planner.certificate.verdict import Certificate, Status, at_most
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
@@ -77,7 +77,7 @@ def is_broken(proof: PathProof, kept: Kept, values: Array, interval: Rows, scale
     unproven = {d.interval for d in proof.departures if d.field == kept.field}
     assert set(interval[values > kept.allowed].tolist()) <= unproven
     assert bool(unproven) or kept.worst <= kept.allowed + 2e-9
-    assert kept.worst - max(kept.met, values.max()) <= 1.01 * SLACK * scale
+    assert kept.worst - max(kept.met, values.max()) <= 1.01 * TOLERANCE_SLACK * scale
     return any(d.field == kept.field and d.violated for d in proof.departures)
 
 
@@ -180,10 +180,10 @@ def _planar_case(robot: Robot, spec: RobotSpec, rng: np.random.Generator) -> boo
     proof = proof_of(robot, scene, Curve.through(rows))
     upright, position = proof.kept
     exact = float(np.abs(rows.sum(axis=1)).max())  # linear in between, so greatest at a row
-    assert exact <= upright.worst <= max(exact, tolerance) + SLACK * tolerance
+    assert exact <= upright.worst <= max(exact, tolerance) + TOLERANCE_SLACK * tolerance
     dense = np.concatenate([np.linspace(a, b, 5000) for a, b in itertools.pairwise(rows)])
     away = np.abs(0.5 * np.sin(dense[:, 0]) + 0.3 * np.sin(dense.sum(axis=1))).max() - wide / 2
-    assert away <= position.worst <= away + SLACK * wide / 2 + 1e-6
+    assert away <= position.worst <= away + TOLERANCE_SLACK * wide / 2 + 1e-6
     kept = exact <= tolerance and away <= 0
     assert bool(proof.departures) != kept
     return kept

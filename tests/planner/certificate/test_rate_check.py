@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.planner.certificate.limit_checks import JUMP
+from hdplan.planner.certificate.limit_checks import ROUNDING_JUMP
 from hdplan.planner.certificate.rate_check import RateCheck, slope_of_steps
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
@@ -24,7 +24,7 @@ def least_slope(steps: Array, times: Array) -> float:
     """The definition: over all windows."""
     total = np.concatenate([[0.0], np.cumsum(steps)])
     windows = [(i, j) for j in range(len(steps)) for i in range(j)]
-    return max([0.0, *((abs(total[j + 1] - total[i]) - JUMP) / (times[j] - times[i]) for i, j in windows)])
+    return max([0.0, *((abs(total[j + 1] - total[i]) - ROUNDING_JUMP) / (times[j] - times[i]) for i, j in windows)])
 
 
 def test_the_slope_of_steps_is_the_least_that_all_windows_keep() -> None:
@@ -33,7 +33,9 @@ def test_the_slope_of_steps_is_the_least_that_all_windows_keep() -> None:
     for _ in range(80):
         count = int(drawn.integers(2, 30))
         times = np.cumsum(drawn.uniform(1e-4, 1e-2, count))
-        steps = JUMP * np.clip(drawn.uniform(-1.0, 1.0, (count, 2)) + drawn.choice([-0.5, 0.0, 0.9]), -1.0, 1.0)
+        steps = ROUNDING_JUMP * np.clip(
+            drawn.uniform(-1.0, 1.0, (count, 2)) + drawn.choice([-0.5, 0.0, 0.9]), -1.0, 1.0
+        )
         expected = [least_slope(column, times) for column in steps.T]
         np.testing.assert_allclose(slope_of_steps(steps, times), expected, rtol=EXACT)
         found += expected
@@ -58,7 +60,7 @@ def stair(rise: float, rows: int = 2000, width: float = 1e-3) -> Curve:
 def test_a_jerk_that_is_spread_over_steps_is_counted(rise: float) -> None:
     """9e-7 rad/s² a row of 1 ms are 9e-4 rad/s³."""
     curve, jerk = stair(rise), rise / 1e-3
-    assert curve.over_time(2).jumps().max() < JUMP
+    assert curve.over_time(2).jumps().max() < ROUNDING_JUMP
     for limit, within in ((1.05 * jerk, True), (0.9 * jerk, False)):
         scene = dataclasses.replace(ARM, limits=hdplan.Limits(jerk=limit))
         finding = RateCheck(Setup.of(scene)).check(curve)

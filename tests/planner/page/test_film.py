@@ -58,7 +58,9 @@ def test_a_film_shows_the_motion(
     assert ("matplotlib" in note) != browser
     frames = frames_of(path)
     moving = round(FEW[ending] * PATH_DURATION)
-    assert len(frames) == moving + 1 + round(FEW[ending] * films.REST) or ending == ".gif"  # equal ones are joined
+    assert (
+        len(frames) == moving + 1 + round(FEW[ending] * films.REST_AT_GOAL) or ending == ".gif"
+    )  # equal ones are joined
     assert moving <= len(frames)
     for one, two in itertools.pairwise(frames[:moving]):
         assert np.abs(one - two).max() > 60.0  # something moves from each to the next

@@ -20,7 +20,7 @@ from hdplan.planner.robot import lasting_contacts
 from hdplan.planner.robot.always_touching import _balls, _distance, always_touching
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, EXCESS
+from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, LIMIT_EXCESS
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.robot_files.link_pairs import link_pair
 from hdplan.scenes.robot_spec import RobotSpec
@@ -60,7 +60,7 @@ def random_arm(rng: np.random.Generator, folder: Path) -> Robot:
 
 @pytest.mark.parametrize("arms", [6, pytest.param(80, marks=pytest.mark.slow)])
 def test_pairs_that_are_proven_always_to_touch_do(arms: int, tmp_path: Path) -> None:
-    """At random configurations and corners, up to EXCESS beyond the limits; the rest is checked."""
+    """At random configurations and corners, up to LIMIT_EXCESS beyond the limits; the rest is checked."""
     trimesh.creation.icosphere(1, 1.0).export(tmp_path / "ball.stl")
     trimesh.creation.torus(1.0, 0.4, 8, 6).export(tmp_path / "ring.stl")
     rng, seen, doubtful = np.random.default_rng(4), 0, 0
@@ -70,8 +70,8 @@ def test_pairs_that_are_proven_always_to_touch_do(arms: int, tmp_path: Path) -> 
         assert set(robot.doubtful) <= set(robot.self_pairs)
         seen, doubtful = seen + len(always), doubtful + len(robot.doubtful)
         low, high = np.maximum(robot.lower, -math.pi), np.minimum(robot.upper, math.pi)
-        samples = rng.uniform(low - EXCESS, high + EXCESS, (6, robot.n))
-        samples[:3] = np.where(rng.uniform(size=(3, robot.n)) < 0.5, low - EXCESS, high + EXCESS)
+        samples = rng.uniform(low - LIMIT_EXCESS, high + LIMIT_EXCESS, (6, robot.n))
+        samples[:3] = np.where(rng.uniform(size=(3, robot.n)) < 0.5, low - LIMIT_EXCESS, high + LIMIT_EXCESS)
         if not always:
             continue
         left = {pair: reason for pair, reason in robot.unchecked.items() if pair not in always}

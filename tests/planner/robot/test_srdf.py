@@ -17,7 +17,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, EXCESS, NEVER_TOUCHING
+from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, LIMIT_EXCESS, NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.robot.srdf import srdf_of
 from hdplan.scenes.errors import InputError
@@ -92,7 +92,11 @@ def test_pairs_that_are_proven_never_to_touch_do_not(tmp_path: Path) -> None:
     for spec in robots(3, 40, tmp_path):
         free = load_robot(spec)
         ranges = zip(free.joint_names[:-1], np.maximum(free.lower, -2.0), np.minimum(free.upper, 2.0), strict=False)
-        held = {name: rng.uniform(low - EXCESS, high + EXCESS) for name, low, high in ranges if rng.uniform() < 0.3}
+        held = {
+            name: rng.uniform(low - LIMIT_EXCESS, high + LIMIT_EXCESS)
+            for name, low, high in ranges
+            if rng.uniform() < 0.3
+        }
         for robot in (free, load_robot(replace(spec, locked=held))):
             never = {pair for pair, reason in robot.unchecked.items() if reason == NEVER_TOUCHING}
             seen += len(never)

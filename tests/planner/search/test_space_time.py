@@ -19,7 +19,7 @@ from hdplan.planner.plan import plan
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.escape import escapes
-from hdplan.planner.search.roadmap import DEPTH, seeds
+from hdplan.planner.search.roadmap import DOUBLING_DEPTH, seeds
 from hdplan.planner.search.space_time import EDGE_STEPS, PENALTY_WEIGHT, STEPS, TimedRoadmap
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
@@ -132,10 +132,10 @@ def test_moves_cost_what_is_met_at_their_times(problem: Problem) -> None:
         first, last = found.nodes[found.edges[edge][:: 1 - 2 * way]]
         along = (np.arange(200) + 0.5) / 200
         depth = problem.depth(first + along[:, None] * (last - first), (step + along * EDGE_STEPS[take]) / STEPS)
-        compared.append((float(np.mean(depth**2)), float(penalties[row, way, step, take]) * DEPTH**2))
+        compared.append((float(np.mean(depth**2)), float(penalties[row, way, step, take]) * DOUBLING_DEPTH**2))
     exact, estimated = np.array(compared).T
     assert np.count_nonzero(exact > 1e-4) > 5  # the gate is met at all
-    np.testing.assert_allclose(np.sqrt(estimated), np.sqrt(exact), rtol=0.2, atol=DEPTH)
+    np.testing.assert_allclose(np.sqrt(estimated), np.sqrt(exact), rtol=0.2, atol=DOUBLING_DEPTH)
 
 
 def test_a_guess_knows_the_movers(problem: Problem) -> None:
@@ -150,7 +150,7 @@ def test_a_guess_knows_the_movers(problem: Problem) -> None:
     line, *others = guesses(problem, 0)
     assert depth(line) > 0.05
     assert max(depth(guess) for guess in others) < 0.03
-    assert max(velocity.over_motion(guess, problem.kinematics).depth.max() for guess in others) < DEPTH
+    assert max(velocity.over_motion(guess, problem.kinematics).depth.max() for guess in others) < DOUBLING_DEPTH
 
 
 def test_the_first_way_costs_the_same_backwards_in_time(gate: Scene, problem: Problem) -> None:

@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.robot_files.mjcf import UNLIMITED
+from hdplan.scenes.robot_files.mjcf import SLIDE_LIMIT
 from hdplan.scenes.robot_files.source import Source
 from hdplan.scenes.robot_files.urdf_text import read_description
 from tests.scenes.robot_files.mjcf_models import Model, Writer, rotation, transform
@@ -57,7 +57,7 @@ def check(model: Model, urdf: ElementTree.Element, rng: np.random.Generator) -> 
         assert (kind.nq == 2) is (joint.kind == "hinge" and joint.limits is None)
         if kind.nq == 1:
             ends = robot.lowerPositionLimit[kind.idx_q], robot.upperPositionLimit[kind.idx_q]
-            assert near(ends, joint.limits or (-UNLIMITED, UNLIMITED), 1e-9)
+            assert near(ends, joint.limits or (-SLIDE_LIMIT, SLIDE_LIMIT), 1e-9)
     pin.framesForwardKinematics(robot, data, q)
     truth = model.world.poses(values, np.eye(4))
     links = {link.get("name"): link for link in urdf.findall("link")}
