@@ -280,7 +280,7 @@ class Replanner:
 
     def _past(self, at: float) -> float:
         """Return a time at which something was seen or measured. Raises InputError for one that is more than a period
-        beyond now, as all that is true would then be older; without a clock, now is known from the first step on."""
+        beyond now, as all that is true would then be older; without a clock, the first step tells the time."""
         if at > (now := self._time(*self._stepped)) + self._period:
             raise InputError(f"at: must be no later than now, {now:.6g} s, found {at:.6g} s")
         return at
