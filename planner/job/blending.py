@@ -39,7 +39,6 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.planner.timing.time_optimal import grid
 from hdplan.planner.timing.tool_limit import Pace, ToolLimit
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Circle, Curve
@@ -228,8 +227,8 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
         drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
         paces = _paces(path, driven, first, last)
         rated = any(each is not None for pace in paces for each in (pace.speed, pace.acceleration))
-        paced = (retimer.with_limit(ToolLimit(robot, path.link, paces)) if rated else retimer).with_shares(
-            speeds[np.searchsorted(path.middles, first + grid() * (last - first), side="right")]
+        paced = (retimer.with_limit(ToolLimit(robot, path.link, paces)) if rated else retimer).with_speeds(
+            speeds, np.asarray(path.middles), first, last
         )
         timed = paced.along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))
         motion = in_step(timed.trajectory, _rate(world))
