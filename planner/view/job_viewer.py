@@ -183,6 +183,11 @@ class JobViewer(Served):
         """The objects, where they are drawn."""
         return self.stage.standing.nodes
 
+    @property
+    def ghosts(self) -> tuple[()]:
+        """No robots that could be clicked."""
+        return ()
+
     def postures(self) -> Array:
         """Return configurations (k, n) of the robot along the motion, or at the start."""
         setup, shown = self.edited.setup, self.edited.shown

@@ -17,7 +17,7 @@ import viser
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.camera import FOV, SIDES, Boxes, View, best_view, view_from
 from hdplan.planner.view.drawing.handle import handle_points
-from hdplan.planner.view.drawing.nodes import ObstacleNode
+from hdplan.planner.view.drawing.nodes import LinkNode, ObstacleNode
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.poses import Pose
@@ -41,6 +41,10 @@ class Subject(Protocol):
     @property
     def obstacles(self) -> Sequence[ObstacleNode]:
         """Obstacles, which may stand between the eye and the robot."""
+
+    @property
+    def ghosts(self) -> Sequence[LinkNode]:
+        """Links that can be clicked, and may stand between the eye and the handle."""
 
     def postures(self) -> Array:
         """Return configurations (k, n) of the robot that belong in the picture."""
@@ -83,7 +87,7 @@ class Looking:
         path = self._subject.paths()
         if name in SIDES:
             return view_from(*SIDES[name], np.concatenate([whole, path]), aspect)
-        return best_view(whole, self._interest(), path, self._boxes(), aspect)
+        return best_view(whole, self._interest(), path, boxes_around(self._subject.obstacles), aspect)
 
     def frame(self, client: Any) -> None:
         """Let a browser look at what is selected, from the side from which it looks; at everything, if nothing is. By
@@ -93,18 +97,21 @@ class Looking:
             self._turned(client, lambda: self._look_at_selected(client, aspect))
 
     def fade(self) -> None:
-        """Let obstacles fade that hide what is of interest, and no others, and the mouse through those that are before
+        """Let obstacles fade that hide what is of interest, and no others, and the mouse through bodies that are before
         the handle. By the worker's thread."""
         if self.eye is None:
             return
-        boxes = self._boxes()
+        obstacles, ghosts = self._subject.obstacles, self._subject.ghosts
+        boxes = boxes_around(obstacles)
         hidden = boxes.in_the_way(self.eye, self._interest())
-        for node, faded in zip(self._subject.obstacles, hidden.tolist(), strict=True):
+        for node, faded in zip(obstacles, hidden.tolist(), strict=True):
             node.fade(faded)
         pose = self._subject.handle()
-        covers = boxes.before(self.eye, np.empty((0, 3)) if pose is None else handle_points(pose, self.eye))
-        for node, covered in zip(self._subject.obstacles, covers.tolist(), strict=True):
-            node.let_through(covered)
+        handle = np.empty((0, 3)) if pose is None else handle_points(pose, self.eye)
+        covers = [*boxes.before(self.eye, handle).tolist(), *boxes_around(ghosts).before(self.eye, handle).tolist()]
+        bodies: list[ObstacleNode | LinkNode] = [*obstacles, *ghosts]
+        for body, covered in zip(bodies, covers, strict=True):
+            body.clicks.let_through(covered)
 
     @property
     def _outline(self) -> Outline:
@@ -119,10 +126,6 @@ class Looking:
         links = [self._outline.middles(q) for q in self._subject.postures()]
         path = self._subject.paths()
         return np.concatenate([*links, path[:: max(1, len(path) // SPARSE)]])
-
-    def _boxes(self) -> Boxes:
-        nodes = self._subject.obstacles
-        return Boxes.around([node.parts for node in nodes], [node.place for node in nodes])
 
     # --- what browsers ask for ------------------------------------------------------------------------------------
 
@@ -173,6 +176,11 @@ class Looking:
         if self.eye is None or np.abs(eye - self.eye).max() > LEAST_EYE_MOTION:
             self.eye = eye
             self._worker.ask("fade", self.fade)
+
+
+def boxes_around(bodies: Sequence[ObstacleNode] | Sequence[LinkNode]) -> Boxes:
+    """Return the boxes around bodies, where they are drawn."""
+    return Boxes.around([body.parts for body in bodies], [body.place for body in bodies])
 
 
 def _turn(client: viser.ClientHandle, view: View) -> None:

@@ -98,7 +98,7 @@ class Measuring:
         stage, panel = self._viewer.stage, self._viewer.panel
         robots: list[RobotNodes] = [stage.robot, stage.start, stage.goal]
         for robot in robots:
-            for skin, _ in robot.meshes if robot.visible else ():
+            for skin in [link.skin for link in robot.links] if robot.visible else ():
                 yield skin.vertices, skin.triangles, robot.data.oMi[skin.joint].homogeneous
         for node in stage.obstacles if panel.layers.on("obstacles") else ():
             if node.frame.visible:

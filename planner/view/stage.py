@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from functools import partial
 
 import numpy as np
 import viser
@@ -101,8 +102,8 @@ class Stage:
     def on_click(self, chosen: Callable[[Thing, bool], object]) -> None:
         """Name the listener to clicks: it gets what was clicked, and whether that is to be selected beside what is."""
         for thing, ghost in ((THE_START, self.start), (THE_GOAL, self.goal)):
-            for _, mesh in ghost.meshes:
-                mesh.on_click(lambda _, thing=thing: chosen(thing, False))
+            for link in ghost.links:
+                link.clicks.listen(partial(chosen, thing))
         self.standing.on_click(lambda name, more: chosen(Thing("obstacle", name), more))
 
     @property

@@ -11,7 +11,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.drawing.camera import SIDES
 from hdplan.planner.view.drawing.nodes import FADED
 from hdplan.planner.view.looking import Outline
-from hdplan.planner.view.things import Thing
+from hdplan.planner.view.things import GOAL, Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
@@ -77,8 +77,19 @@ def test_a_body_before_the_handle_lets_the_mouse_through(opened: Opener, scene: 
         viewer.worker.settle()
         return {node.obstacle.name for node in viewer.stage.obstacles if node.mesh._impl.click_cb}
 
+    def ghosts() -> list[bool]:
+        links = viewer.panel.looking._subject.ghosts
+        return [bool(link.mesh._impl.click_cb) for link in links]
+
     every = clicked()
     assert every == {each.name for each in viewer.scene.obstacles}
-    for thing, through in ((Thing("obstacle", ball.name), {ball.name, "wall"}), (None, set())):
+    assert all(ghosts())
+    for thing, through in (
+        (Thing("obstacle", ball.name), {ball.name, "wall"}),
+        (GOAL, set()),
+        (None, set()),
+    ):
         viewer.worker.ask("select", lambda thing=thing: viewer.panel.handles.select(thing))
         assert every - clicked() == through
+        assert all(ghosts()) == (thing != GOAL)
+        assert any(ghosts())
