@@ -1,7 +1,8 @@
 """The browsers' cameras: the subject is in the picture when they connect and at the press of a button, and
 obstacles between the eye and it fade.
 
-Every browser has a camera of its own; obstacles fade for the one that moved last.
+Every browser has a camera of its own; obstacles fade, and words make room for each other, for the one that moved
+last.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import viser
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.camera import FOV, SIDES, Boxes, View, best_view, view_from
 from hdplan.planner.view.drawing.handle import handle_points
+from hdplan.planner.view.drawing.labels import Label, Picture, arrange
 from hdplan.planner.view.drawing.nodes import ObstacleNode
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
@@ -54,6 +56,9 @@ class Subject(Protocol):
     def handle(self) -> Pose | None:
         """Return where the handle is; None: there is none."""
 
+    def words(self) -> Sequence[Label]:
+        """Return the labels that are not to lie over each other."""
+
 
 class Looking:
     """The cameras, and the buttons that set them."""
@@ -64,6 +69,7 @@ class Looking:
         self._outline_of: tuple[Robot, Outline] | None = None
         self._set: dict[int, tuple[str, float, Array]] = {}  # by browser: its view, for which aspect, and the eye
         self.eye: Array | None = None  # of the browser that moved last
+        self._picture: Picture | None = None  # its
         self.buttons = server.gui.add_button_group("look from", (BEST, *SIDES))
         self.buttons.on_click(self._pressed)
         server.on_client_connect(self._came)
@@ -105,6 +111,11 @@ class Looking:
         covers = boxes.before(self.eye, np.empty((0, 3)) if pose is None else handle_points(pose, self.eye))
         for node, covered in zip(self._subject.obstacles, covers.tolist(), strict=True):
             node.let_through(covered)
+
+    def arrange(self) -> None:
+        """Let no label lie over another. By the worker's thread."""
+        if self._picture is not None:
+            arrange(self._subject.words(), self._picture)
 
     @property
     def _outline(self) -> Outline:
@@ -170,6 +181,8 @@ class Looking:
         name, aspect, set_to = self._set.get(client.client_id, (BEST, camera.aspect, eye))
         if abs(camera.aspect - aspect) > RESIZED * aspect and np.abs(eye - set_to).max() < LEAST_EYE_MOTION:
             self._ask(client, name)  # the camera stands where it was set: frame it anew
+        self._picture = Picture.of(camera)
+        self._worker.ask("labels", self.arrange)
         if self.eye is None or np.abs(eye - self.eye).max() > LEAST_EYE_MOTION:
             self.eye = eye
             self._worker.ask("fade", self.fade)
