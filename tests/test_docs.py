@@ -190,6 +190,15 @@ def test_every_file_that_is_named_exists(page: str) -> None:
     assert [name for name in named if not (ROOT / name).exists() and "NAME" not in name] == []
 
 
+def test_every_benchmark_is_named_or_run_by_another() -> None:
+    sources = {path.stem: path.read_text(encoding="utf-8") for path in sorted((ROOT / "benchmarks").glob("*.py"))}
+    pages = "\n".join(PAGES.values())
+    for name, source in sources.items():
+        others = "\n".join(text for other, text in sources.items() if other != name)
+        run = re.search(rf"\b{name}\b", re.sub(r'""".*?"""', "", others, flags=re.DOTALL))
+        assert "__main__" not in source or f"benchmarks/{name}.py" in pages or run, name
+
+
 def test_every_shipped_scene_is_named_and_in_the_gallery(monkeypatch: pytest.MonkeyPatch) -> None:
     """The gallery is as its command writes it."""
     pytest.importorskip("PIL", reason="the gallery's pictures need Pillow")
