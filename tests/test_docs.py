@@ -18,6 +18,7 @@ import typer
 import hdplan
 from hdplan import cli
 from hdplan.scenes.yaml_format.reader import shipped_jobs, shipped_scenes
+from tests.commands import in_process
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = {
@@ -131,6 +132,35 @@ def test_the_scenes_plan(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPa
             with pytest.raises(SystemExit) as caught:
                 cli.main()
             assert caught.value.code == 0
+
+
+def words(line: str) -> str:
+    """A line of an output without figures, bars and the widths of its columns."""
+    return " ".join(re.sub(r"[\d.e+-]*\d|[─█-▏]+", "#", line).split())
+
+
+TRANSCRIPTS = [
+    (page, block.splitlines())
+    for page in PAGES
+    for block in blocks(page, "text")
+    if block.startswith("$ hdplan") and len(block.splitlines()) > 1
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("page", "lines"), TRANSCRIPTS, ids=[f"{page}-{lines[0]}" for page, lines in TRANSCRIPTS])
+def test_the_transcripts_show_what_the_commands_print(
+    page: str, lines: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In their words; an excerpt leaves lines out."""
+    run = in_process(monkeypatch, capsys)
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.chdir(tmp_path)
+    call = shlex.split(lines[0])[2:]
+    if "motion.json" in call:
+        assert run("plan", call[1], "-o", "motion.json").code == 0
+    printed = [words(line) for line in run(*call).out.splitlines()]
+    assert [line for line in lines[1:] if words(line) not in printed] == []
 
 
 @pytest.mark.parametrize(
