@@ -33,7 +33,7 @@ from tests.planner.view.in_page import complete, drawn
 Size = tuple[int, int]  # [px]
 
 THEMES = ("light", "dark")
-TIME_LIMIT = 20.0  # [s] for planning
+TIME_LIMIT = 120.0  # [s] at most for a plan, also where the processor is shared
 SIZES = ((1400, 820), (1000, 700), (600, 900))
 SHEET = 800  # [px] at most of a picture's width on a sheet
 PATIENCE = 120_000  # [ms]
