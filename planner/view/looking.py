@@ -179,13 +179,21 @@ class Looking:
     def _moved(self, client: viser.ClientHandle, camera: viser.CameraHandle) -> None:
         eye = np.array(camera.position)
         name, aspect, set_to = self._set.get(client.client_id, (BEST, camera.aspect, eye))
-        if abs(camera.aspect - aspect) > RESIZED * aspect and np.abs(eye - set_to).max() < LEAST_EYE_MOTION:
+        begin = np.array(self._server.initial_camera.position)  # a browser that is slow goes back there once more
+        if _same(eye, set_to) and abs(camera.aspect - aspect) > RESIZED * aspect:
             self._ask(client, name)  # the camera stands where it was set: frame it anew
+        elif _same(eye, begin) and not _same(set_to, begin):
+            self._ask(client, name)
         self._picture = Picture.of(camera)
         self._worker.ask("labels", self.arrange)
-        if self.eye is None or np.abs(eye - self.eye).max() > LEAST_EYE_MOTION:
+        if self.eye is None or not _same(eye, self.eye):
             self.eye = eye
             self._worker.ask("fade", self.fade)
+
+
+def _same(eye: Array, other: Array) -> bool:
+    """True if an eye has not moved from one place (3,) to the other."""
+    return bool(np.abs(eye - other).max() < LEAST_EYE_MOTION)
 
 
 def _turn(client: viser.ClientHandle, view: View) -> None:
