@@ -71,6 +71,14 @@ def test_a_page_says_what_is_known(setup: Setup, motion: ShownMotion) -> None:
     assert [joint["name"] for joint in content["joints"]] == list(setup.robot.joint_names)
 
 
+def test_the_page_of_the_docs_is_as_pages_are_today(setup: Setup, motion: ShownMotion) -> None:
+    """In its style, its script and its colours; docs/measurements.md has the command that records it."""
+    docs = (Path(__file__).resolve().parents[3] / "docs" / "panda_cage.html").read_text(encoding="utf-8")
+    today = page_of(setup, [motion]).html
+    for part in (r"<style>.*?</style>", r"<script>.*?</script>", r"linear-gradient\(.*?\)"):
+        assert re.findall(part, docs, re.DOTALL) == re.findall(part, today, re.DOTALL) != []
+
+
 def test_a_page_needs_nothing_from_elsewhere(setup: Setup, motion: ShownMotion) -> None:
     text = page_of(setup, [motion]).html
     assert not re.search(r"https?://|@import|url\(|<link|src=", text.replace("http://www.w3.org", ""))
