@@ -89,13 +89,19 @@ class Sweep:
         curve = Curve.through(np.concatenate([rows, rows[-1:]]), np.full(len(rows) + 1, time))
         return _Run(self, curve, np.zeros(len(self.pairs.a))).are_clear(floor)
 
-    def nearest(self, q: Array, within: float = np.inf, time: float = 0.0) -> tuple[Spot | None, Spot | None]:
-        """Return the closest pair of each group at one configuration q (n,) and time [s], exactly: by the surfaces, not
-        their hulls.
+    def nearest(self, rows: Array, times: Array, within: float = np.inf) -> list[tuple[Spot | None, Spot | None]]:
+        """Return the closest pair of each group at each of the configurations (k, n) and times (k,) [s], exactly: by
+        the surfaces, not their hulls.
 
         None for a group without a pair `within` [m].
         """
-        return self._standing(q, time).nearest_at_start(within)
+        found: list[tuple[Spot | None, Spot | None]] = []
+        size = max(1, MOST_ITEMS // max(1, len(self.pairs.a)))
+        for first in range(0, len(rows), size):
+            some, when = rows[first : first + size], times[first : first + size]
+            curve = Curve.through(np.concatenate([some, some[-1:]]), np.append(when, when[-1]))
+            found += _Run(self, curve, np.zeros(len(self.pairs.a))).nearest(within)
+        return found
 
     def hull_gap(self, q: Array, within: float, time: float = 0.0) -> float:
         """Return how far the hulls of the robot are from those of obstacles at one configuration q (n,) and time [s],
@@ -297,22 +303,40 @@ class _Run:
         items = items[bound <= within + ROUNDING]
         return float(self.bounds.overlapping(nodes, items, CLEAR_OVERLAP)[0].min(initial=within))
 
-    def nearest_at_start(self, within: float) -> tuple[Spot | None, Spot | None]:
-        """Return the closest pair of each group at the first waypoint, if it is `within`."""
-        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
-        best: list[Spot | None] = [None, None]
-        for spot in sorted(
-            self.at_start(within=within), key=lambda spot: spot.distance
-        ):  # a surface is no closer than its hull
-            group = int(self.pairs.group[spot.pair])
-            least = best[group]
-            if least is not None and least.distance <= spot.distance:
-                continue
-            if self.hollow[spot.pair] and not spot.touching:
-                spot = replace(spot, distance=max(spot.distance, self._surface(nodes, 0, spot.pair)))
-            if spot.distance <= within and (least is None or spot.distance < least.distance):
-                best[group] = spot
-        return best[0], best[1]
+    def nearest(self, within: float) -> list[tuple[Spot | None, Spot | None]]:
+        """Return the closest pair of each group at all waypoints but the last, if it is `within`."""
+        nodes = self._at_waypoints(np.arange(len(self.curve) - 1))
+        count, group = 2 * len(nodes.interval), self.pairs.group
+        best: list[Spot | None] = [None] * count  # of both groups at each waypoint
+        least = np.full(count, within)  # [m] their distances
+
+        def meet(spot: Spot) -> None:
+            place = 2 * spot.interval + int(group[spot.pair])
+            if spot.distance < least[place] or (best[place] is None and spot.distance <= within):
+                best[place], least[place] = spot, spot.distance
+
+        for spot in self._contained(nodes, self.containment.found(nodes)):
+            meet(spot)
+        items = Items.all(len(nodes.interval), np.arange(len(group)))
+        bound, _ = self.bounds.by_ball(nodes, items)
+        place = 2 * items.node + group[items.pair]
+        order = np.lexsort((bound, place))
+        _, first = np.unique(place[order], return_index=True)
+        new, left = order[first], np.ones(len(items), dtype=bool)  # first the pairs whose balls are closest
+        for _ in range(2):
+            new = new[bound[new] <= least[place[new]] + ROUNDING]
+            values, *_ = self._exact(nodes, items[new])
+            for i in np.argsort(values, kind="stable").tolist():
+                value, node, pair = float(values[i]), int(items.node[new[i]]), int(items.pair[new[i]])
+                if value > least[place[new[i]]]:  # a surface is no closer than its hull
+                    continue
+                if self.hollow[pair]:
+                    surface = self._surface(nodes, node, pair)
+                    value = surface if value <= 0.0 else max(value, surface)
+                meet(Spot(node, 0.0, pair, value, value <= 0.0))
+            left[new] = False
+            new = np.flatnonzero(left)
+        return list(zip(best[::2], best[1::2], strict=True))
 
     def witnesses_at_start(self, pair: int) -> Array:
         """Return the closest points (2, 3) of two bodies at the first waypoint."""
