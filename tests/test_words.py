@@ -76,10 +76,14 @@ def test_docstrings_and_messages_are_in_plain_words(room: str) -> None:
     assert found == {}
 
 
+def tokens(source: str) -> list[tokenize.TokenInfo]:
+    return list(tokenize.generate_tokens(io.StringIO(source).readline))
+
+
 def comments(source: str) -> Iterator[tuple[int, str]]:
     """The comments of a module, with the lines where they end: those on lines of their own joined, with a full stop."""
     lines, run = source.splitlines(), ""
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+    for token in tokens(source):
         if token.type == tokenize.COMMENT:
             row = token.start[0]
             run += token.string.lstrip("# ")
@@ -91,8 +95,8 @@ def comments(source: str) -> Iterator[tuple[int, str]]:
 
 
 def named(source: str) -> Iterator[tuple[int, str]]:
-    """The identifiers of a module, with their lines, their parts as words."""
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+    """The identifiers of a module, with their lines, their parts as words; of one without a word of talk none."""
+    for token in tokens(source) if TALK.search(source.replace("_", " ")) else ():
         if token.type == tokenize.NAME:
             yield token.start[0], token.string.replace("_", " ")
 
