@@ -80,7 +80,8 @@ def shown(name: str, file: Path) -> Shown:
 
 def photograph(program: str, page: HtmlPage, file: Path) -> None:
     """Draw the scene of a page into a small file."""
-    with Browser(program, page, WINDOW) as browser:
+    with Browser(program) as browser:
+        browser.show(page, WINDOW)
         browser.run("document.querySelector('aside').style.display = 'none', page.resize()")
         moment = f"data.timeline.begin + {MOMENT} * (data.timeline.end - data.timeline.begin)"
         browser.run(f"page.now = {moment}, page.resize(), page.paint()")

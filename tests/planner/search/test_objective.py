@@ -124,6 +124,7 @@ def energy(setup: Setup, motion: Trajectory) -> float:
     return Energy(setup).value(motion.positions, motion)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["ur5_pallet", "ur5_payload", "panda_gate"])
 def test_energy_is_the_work_of_the_torques(name: str) -> None:
     scene = asking(load_scene(name), "energy")
