@@ -20,14 +20,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.planner.certificate.collision_proof import SHORTEST_INTERVAL, Proof, Spot, Sweep
+from hdplan.planner.certificate.collision_proof import SHORTEST_INTERVAL, Proof
 from hdplan.planner.certificate.coverage import compared, ends_of, refuse_gaps, required_of
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
+from hdplan.planner.certificate.placed_pairs import Spot
 from hdplan.planner.certificate.rounding import refuse_far_bodies, refuse_large_motion
 from hdplan.planner.certificate.sizes import FIELDS, Sizes
 from hdplan.planner.certificate.solids import link_bodies, obstacle_bodies
+from hdplan.planner.certificate.sweep import Sweep
 from hdplan.planner.certificate.verdict import (
     Certificate,
     Closest,

@@ -11,11 +11,12 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import hdplan
 from hdplan.distance.compiled.loops import library
-from hdplan.planner.certificate import followed_curve, tool_rates
+from hdplan.planner.certificate import pose_curve, tool_rates
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.followed_curve import OnCurve, PoseCurve, TurnedAlong
+from hdplan.planner.certificate.followed_curve import OnCurve, TurnedAlong
 from hdplan.planner.certificate.path_bounds import Part
 from hdplan.planner.certificate.path_check import PathCheck
+from hdplan.planner.certificate.pose_curve import PoseCurve
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
@@ -326,7 +327,7 @@ def test_places_in_c_are_those_in_numpy(axis: str, monkeypatch: pytest.MonkeyPat
                 given = rotations, near, begins, len(kept) - 1.0
                 found.append(curve.places(*given))
                 with monkeypatch.context() as without:
-                    without.setattr(followed_curve, "library", lambda: None)
+                    without.setattr(pose_curve, "library", lambda: None)
                     np.testing.assert_allclose(found[-1], curve.places(*given), rtol=0, atol=1e-9)
                 assert (np.diff(found[-1]) >= 0.0).all()
                 assert found[-1][0] == begins
