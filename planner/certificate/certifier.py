@@ -87,7 +87,7 @@ def certify(
     Raises:
         InputError: the trajectory's joints do not match the robot's; a mesh of the scene cannot be used; the robot
             was changed after it was loaded.
-        UncheckedError: something that the scene asks for was not checked, a fault of hdplan (`coverage`).
+        UncheckedError: a requirement of the scene was not checked, a fault of hdplan (`coverage`).
     """
     return Certifier(Setup.of(scene, robot)).certify(trajectory, required=required, check_ends=check_ends)
 

@@ -28,7 +28,7 @@ RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never 
 # share of this tolerance by which a place must be closer than the closest known one to be examined
 CLOSER_SHARE = 0.02
 FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
-GROWTH = 2  # each by this factor: what it finds spares the next one measurements
+MEASURING_FACTOR = 2  # each by this factor: what it finds spares the next one measurements
 ROOTS = 64  # parts, at least, in which a motion is bounded first: of a longer one these are several intervals each
 WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked
 BATCH_FACTOR = 8  # times as many pairs at once where groups of bodies settle most of their items
@@ -182,7 +182,7 @@ class MotionProof(PlacedPairs):
         first, after = 0, len(lowest)
         while first < len(order):
             chunk = self._open(nodes, items[order[first:after]])
-            first, size = after, GROWTH * size
+            first, size = after, MEASURING_FACTOR * size
             after += size
             if len(chunk):
                 _, bound, _ = self.bounds.by_plane(nodes, chunk, chunk.normal)

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from hdplan.scenes.array_types import Array
 
-VANISHED = 1e-12  # shorter rows are left out: no velocity changes them
+SHORTEST_ROW = 1e-12  # shorter rows are left out: no velocity changes them
 UNBOUNDED = 1e30  # DAQP's infinity
 STEPS = 100  # of Newton's method, at most; it takes 1 to 5
 SOLVED = (1, 2)  # DAQP's exit flags of a solution, exact or to its tolerance
@@ -58,7 +58,7 @@ def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, constr
     length = np.linalg.norm(matrix, axis=1)
     # rows that no velocity within the box can violate are left out, which is exact and most of them
     least = np.minimum(matrix * low, matrix * high).sum(axis=1)
-    kept = (least < target) & (length > VANISHED)
+    kept = (least < target) & (length > SHORTEST_ROW)
     length = length[kept]
     matrix, target, floor = matrix[kept] / length[:, None], target[kept] / length, floor[kept] / length
     found = _solved(hessian, linear, _bounded(matrix, low, high, target))

@@ -119,7 +119,7 @@ def test_a_scene_with_everything_lacks_nothing(whole: tuple[Scene, Trajectory]) 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_parts_of_it_in_any_combination_lack_nothing(whole: tuple[Scene, Trajectory], seed: int) -> None:
-    """Refused or not, what is asked is what was checked."""
+    """Refused or not, the requirement is the one that was checked."""
     _, moved = whole
     rng = np.random.default_rng(seed)
     fields = {name: value for name, value in EVERYTHING.items() if rng.random() < 0.5}

@@ -265,7 +265,7 @@ def test_speeds_of_a_tool_are_kept_or_refused() -> None:
 
 
 def test_a_way_beyond_the_radius_between_two_looks_has_its_speed_limited() -> None:
-    """The base slides out of the radius in which it comes, and back, between two of the places that are looked at."""
+    """The base leaves the radius of its goal, and returns, between two of the places that are checked."""
     rows, rates, second = np.zeros((4, 10)), np.zeros((4, 10)), np.zeros((4, 10))
     rows[:, 3:] = READY
     rows[:, 0], rates[1, 0], second[1, 0] = [0.0, 0.0375, 0.0, 0.2], 2.54, -150.0

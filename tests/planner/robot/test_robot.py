@@ -1,4 +1,4 @@
-"""Robots: names, planned and locked joints, limits, pairs, and what is said when something is wrong."""
+"""Robots: names, planned and locked joints, limits, pairs, and the messages when something is wrong."""
 
 from __future__ import annotations
 
@@ -519,7 +519,7 @@ def test_pairs_that_the_scene_asks_to_check_are_checked_whatever_the_srdf_says()
 
 
 def test_a_pair_that_always_touches_and_is_to_be_checked_is_in_contact(tmp_path: Path) -> None:
-    """What is asked for is not left out because it was found to touch everywhere."""
+    """A pair of the scene's is not left out because its bodies touch everywhere."""
     links = (link_text(name, box="1 1 1") for name in "abc")
     urdf = write_robot(tmp_path / "r.urdf", *links, joint_text("j1", "a", "b"), joint_text("j2", "b", "c"))
     assert load_robot(RobotSpec(urdf=urdf)).self_pairs == ()
