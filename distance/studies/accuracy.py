@@ -27,7 +27,7 @@ Precision = Literal["float64", "float32"]
 
 GAPS = (1e-4, 1e-3, 1e-2, 3e-2, 1e-1, 3e-1)  # [m] at which false positives are counted
 NEAR_GAP = 0.05  # [m] depth or gap up to which a pose is near contact
-BLOCK = 2048  # poses at once, always: JAX compiles anew for every other number
+BLOCK = 2048  # poses at once, always: JAX compiles again for every other number
 BANDS = ("apart", "near", "deep")  # d > NEAR_GAP, |d| <= NEAR_GAP, d < -NEAR_GAP
 ORDERS = ("value", "gradient", "hessian")
 RUNS_IN = MappingProxyType({"float64": "C", "float32": "JAX"})

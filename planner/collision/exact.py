@@ -1,4 +1,4 @@
-"""The exact signed distance of what bodies enclose, for narrow places: a link's own hull, or the hull of each part of
+"""The exact signed distance of the enclosed geometry, for narrow places: a link's own hull, or the hull of each part of
 it, against the obstacle's own shape.
 
 The pairs, and the broad phase, are those of the outer bodies, which contain the parts: where outer bodies are apart,

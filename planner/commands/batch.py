@@ -1,4 +1,4 @@
-"""`hdplan batch`: plan many problems into a folder, and say what became of them. `hdplan sample`: draw them."""
+"""`hdplan batch`: plan many problems into a folder, and report the outcomes. `hdplan sample`: draw them."""
 
 from __future__ import annotations
 

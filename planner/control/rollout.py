@@ -46,7 +46,7 @@ class Run:
     after: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (B, n) the places where it then brakes until rest
 
     def __repr__(self) -> str:
-        """Say how long it is, and whether it completed its task."""
+        """Return its duration and whether it completed its task, for display."""
         met = "task not completed" if self.met is None else f"task completed at {self.met:g} s"
         return f"<Run: {len(self.modes)} periods of {self.period:g} s, {met}>"
 

@@ -130,7 +130,7 @@ class Browser:
         stack.callback(_end, process)
 
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Tell it something and return its answer."""
+        """Send a command and return the answer."""
         self._count += 1
         message = {"id": self._count, "method": method, "params": parameters}
         if hasattr(self, "_session"):
