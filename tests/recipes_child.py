@@ -418,7 +418,7 @@ def greeted() -> str:
     return output.getvalue()
 
 
-PROBES: dict[str, dict[str, Callable[[], str]]] = {  # what is tried after each step, or at last
+PROBES: dict[str, dict[str, Callable[[], str]]] = {  # the checks after each step, or at last
     "A limit": {
         "at last": followed,
         "certify": lambda: certified(torque_rate=1e5),

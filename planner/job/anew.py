@@ -21,7 +21,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 
 COUNTS = (30, 60, 120)  # configurations on a path when it is drawn
-FINE = 8  # places where each interval between rows is measured
+PLACES_PER_INTERVAL = 8  # places where each interval between rows is measured
 
 
 def timed_anew(
@@ -35,7 +35,7 @@ def timed_anew(
     allow. What raises once time is up, `in_time`, is called before each."""
     retimer, found = Retimer(setup), []
     for motion, marks in motions:
-        curve, places = motion.curve, np.linspace(0.0, 1.0, FINE * len(motion))
+        curve, places = motion.curve, np.linspace(0.0, 1.0, PLACES_PER_INTERVAL * len(motion))
         steps = np.linalg.norm(np.diff(curve.at_parameter(places), axis=0), axis=1)
         length = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
         shares = np.interp(curve.parameter_of(np.asarray(marks)), places, length)

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from hdplan.planner.robot.robot import Robot
 
 VERSION = "1"  # to be changed with anything that changes which pairs are found, so that old cache entries are not used
-FIRST = 20  # samples at which most pairs are seen apart, in a moment
+FIRST_SAMPLES = 20  # samples at which most pairs are seen apart, in a moment
 
 
 def lasting_contacts(robot: Robot, pairs: Iterable[LinkPair]) -> tuple[tuple[LinkPair, ...], tuple[LinkPair, ...]]:
     """Return the pairs that touch at each of CONTACT_SAMPLES random configurations (fixed seed), and the pairs among
     these with a proof that they always touch (`always_touching`), up to EXCESS beyond the limits."""
     samples = robot.draw(np.random.default_rng(0), CONTACT_SAMPLES)
-    left = in_contact(robot, pairs, samples[:FIRST])
+    left = in_contact(robot, pairs, samples[:FIRST_SAMPLES])
     if not left:
         return (), ()
     content = _content(robot, left)
@@ -36,7 +36,7 @@ def lasting_contacts(robot: Robot, pairs: Iterable[LinkPair]) -> tuple[tuple[Lin
     if known is not None:
         touching, proven = known
         return tuple(pair for pair in left if pair in touching), tuple(pair for pair in left if pair in proven)
-    touch = in_contact(robot, left, samples[FIRST:])
+    touch = in_contact(robot, left, samples[FIRST_SAMPLES:])
     always = always_touching(robot, touch, EXCESS)
     if key is not None:
         store("lasting_contacts", key, [touch, always])

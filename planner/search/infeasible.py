@@ -14,9 +14,9 @@ from hdplan.scenes.targets import JointTarget
 if TYPE_CHECKING:
     from hdplan.planner.certificate.infeasibility import Shut
 
-AFTER = 1.0  # [s] of guesses that failed, or
+FAILED_TIME = 1.0  # [s] of guesses that failed, or
 LIMIT_SHARE = 0.2  # of the time that there is, if that is less
-SHARE = 0.05  # of the time that guesses took
+PROOF_SHARE = 0.05  # of the time that guesses took
 
 
 class InfeasibilityCheck:
@@ -34,11 +34,11 @@ class InfeasibilityCheck:
         """Raise UnsolvableError if it is proven that no motion exists."""
         first = self._searches[0]
         passed = time.perf_counter() - self._began - self._spent
-        if passed < min(AFTER, LIMIT_SHARE * (first.deadline - self._began)):
+        if passed < min(FAILED_TIME, LIMIT_SHARE * (first.deadline - self._began)):
             return
         if self._looks is None:
             self._looks = self._begun()
-        while not first.over and self._spent <= SHARE * passed:
+        while not first.over and self._spent <= PROOF_SHARE * passed:
             before = time.perf_counter()
             found = self._look(self._looks)
             self._spent += time.perf_counter() - before

@@ -52,7 +52,7 @@ def read_description(source: Source) -> Description:
             data, included = expand_xacro(path, Packages(path, source.package_dirs), dict(source.xacro_args))
             files = (path, *included)
         elif source.xacro_args:
-            raise InputError(f"robot.xacro_args: the file is no xacro ({XACRO})")
+            raise InputError(f"robot.xacro_args: the file is not xacro ({XACRO})")
         root = parse(data, ("robot", *LANGUAGES))
         excluded, notes = frozenset[LinkPair](), tuple[str, ...]()
         if root.tag in LANGUAGES:

@@ -22,8 +22,8 @@ import pytest
 
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.build import build
-from hdplan.planner.certificate.followed_curve import PoseCurve
 from hdplan.planner.certificate.parts import Parts
+from hdplan.planner.certificate.pose_curve import PoseCurve
 from hdplan.planner.collision import separation_loop
 from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.controller import Controller

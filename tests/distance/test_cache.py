@@ -43,7 +43,7 @@ def test_where_others_may_write_nothing_is_read_or_written(home: Path, open_one:
         UserWarning, match=rf"is not used \(.*{open_one} can be written by others\), so expensive results"
     ):
         assert cache.load("kind", "key", lambda value: value) is None
-    assert not cache.write_whole(home / "kind" / "other.json", b"{}")  # and it is said once: warnings are errors here
+    assert not cache.write_whole(home / "kind" / "other.json", b"{}")  # with one warning: warnings are errors here
     assert [file.name for file in (home / "kind").iterdir()] == ["key.json"]
 
 

@@ -127,7 +127,7 @@ def test_pandas_bodies_are_few_and_stand_out_little(panda: Robot) -> None:
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_links_of_well_known_arms_come_fitted(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "load", None)  # neither the cache nor a fit is asked
+    monkeypatch.setattr(module, "load", None)  # neither the cache nor a fit is used
     monkeypatch.setattr(module, "_around", None)
     assert link_bodies(load_robot(RobotSpec(name=name)))
 
@@ -371,5 +371,5 @@ def test_a_cache_that_is_damaged_or_cannot_be_written_is_no_cache(
     monkeypatch.setenv("HDPLAN_CACHE", str(file))  # a file where a folder should be
     with pytest.warns(UserWarning, match=f"the cache {file} cannot be written"):
         cache.store("kind", key, 1)
-    cache.store("kind", key, 1)  # said once
+    cache.store("kind", key, 1)  # one warning
     assert cache.load("kind", key, lambda value: value) is None

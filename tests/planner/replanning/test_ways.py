@@ -19,7 +19,7 @@ from tests.planner.replanning.driving import AtOnce, limited
 
 
 class Counted(AtOnce):
-    """Counts what it is asked for."""
+    """Counts its calls."""
 
     def __init__(self) -> None:
         self.count = 0

@@ -136,7 +136,7 @@ def test_a_pair_that_is_only_sampled_fails_with_its_name_and_the_remedy(tmp_path
     spec = RobotSpec(urdf=tmp_path / "bowls.urdf")
     robot = load_robot(spec)
     assert robot.doubtful == robot.self_pairs == (("base", "tip"),)
-    assert any("each of 1000 sampled configurations, which is no proof" in note for note in robot.notes)
+    assert any("each of 1000 sampled configurations, which is not a proof" in note for note in robot.notes)
     with pytest.raises(hdplan.InputError, match=r"links base and tip touch at each of 1000 .* robot\.ignore_pairs"):
         hdplan.plan(Scene(robot=spec, start=[0.0, 0.0], goal=[0.5, 0.5]))
     allowed = RobotSpec(urdf=tmp_path / "bowls.urdf", ignore_pairs=[("base", "tip")])

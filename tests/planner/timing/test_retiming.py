@@ -1,5 +1,5 @@
 """Laws of the time law and of the check on rates: limits hold everywhere on the executed curve, none is given away
-without need, and what breaks them is told."""
+without need, and messages name what breaks them."""
 
 from __future__ import annotations
 
