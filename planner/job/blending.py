@@ -226,9 +226,9 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
         )
         waypoints = Trajectory(robot.joint_names, rows, robot.locked)
         drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
-        parts = _tool_rates(path, driven, first, last)
-        rated = any(each is not None for part in parts for each in (part.speed, part.acceleration))
-        paced = (retimer.with_limit(ToolLimit(robot, path.link, parts)) if rated else retimer).with_speeds(
+        rates = _tool_rates(path, driven, first, last)
+        rated = any(each is not None for rate in rates for each in (rate.speed, rate.acceleration))
+        paced = (retimer.with_limit(ToolLimit(robot, path.link, rates)) if rated else retimer).with_speeds(
             speeds, np.asarray(path.middles), first, last
         )
         timed = paced.along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))
