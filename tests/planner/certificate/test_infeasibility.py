@@ -45,7 +45,7 @@ def swapped(scene: Scene) -> Scene:
     )
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("seed", range(16))
 def test_a_window_lets_a_ball_through_or_does_not(urdf: Path, seed: int) -> None:
     widths = ((0.0, 2.4), (1.9, 2.01))[seed % 2]
