@@ -53,7 +53,7 @@ simulated motion failed, or a study was interrupted (its results so far are writ
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-studies = typer.Typer(help="Measure what each setting gains and what it costs.", rich_markup_mode=None)
+studies = typer.Typer(help="Measure the gain and the cost of each setting.", rich_markup_mode=None)
 figures = typer.Typer(
     help="Reproduce the paper's figures, beside its numbers.",
     rich_markup_mode=None,
@@ -188,7 +188,7 @@ def verify(
     world of the proof, and then checks the proof in outward-rounded arithmetic. The output lists the proven claims and
     the assumptions, or the pair of bodies, the place and the reason of a failure.
 
-    The exit code is 1 if the proof is rejected, 4 if it is accepted in part: the scene requires more than it proves.
+    The exit code is 1 if the proof is rejected, 4 if it is accepted in part, as the scene requires more.
     """
     from hdplan.planner.commands.verify import run_verify
 
@@ -256,7 +256,7 @@ def simulate(
     With --plant a body in MuJoCo executes the motion, each joint turned by a drive with its own servo. The tracking
     error is shown as `robot.tracking`, and a scene with this section can then be proven.
 
-    Of a job each stage is replayed, or executed, in its own scene; fingers are only replayed.
+    In a job, each stage is replayed, or executed, in its own scene; fingers are only replayed.
 
     The exit code is 1 if tracking is lost or worse than the scene's `robot.tracking`, if a limit is exceeded, or if
     there is contact.
@@ -289,7 +289,7 @@ def plot(
 
     The trajectory may be hdplan's or another planner's. The sheet shows the joints with their limits, velocities and
     accelerations if the file has times, the clearance along the motion with its proven bound, the solver's progress if
-    the file holds it, and the scene from two sides. The exit code is 0 whatever the verdict.
+    the file holds it, and the scene from two sides. The exit code is 0 for every verdict.
     """
     from hdplan.planner.commands.plot import run_plot
 
@@ -483,7 +483,7 @@ def schema() -> None:
 
 
 @studies.command()
-def distance(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
+def distance(output: given.Folder = given.STUDY_FOLDER, quick: given.Quick = False) -> None:
     """Measure the cost in time of an accurate distance.
 
     For every set of normals, order, shaping length and precision: the share of gaps reported as contact, the error
@@ -497,7 +497,7 @@ def distance(output: given.Folder = given.OUT, quick: given.Quick = False) -> No
 
 @studies.command()
 def planning(
-    output: given.Folder = given.OUT,
+    output: given.Folder = given.STUDY_FOLDER,
     quick: given.Quick = False,
     problems: given.Problems = None,
     every: given.Every = 10,
@@ -515,7 +515,7 @@ def planning(
 
 
 @figures.command()
-def time(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
+def time(output: given.Folder = given.STUDY_FOLDER, quick: given.Quick = False) -> None:
     """Time exact distances, GDF and the HD-SDF.
 
     Over all pairs of Platonic solids: exact by FCL and by coal; the HD-SDF by the interpreter, compiled, and in
@@ -527,7 +527,7 @@ def time(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
 
 
 @figures.command()
-def conservativeness(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
+def conservativeness(output: given.Folder = given.STUDY_FOLDER, quick: given.Quick = False) -> None:
     """Count how often a gap is taken for contact.
 
     Over 500,000 random configurations of Platonic solids, for the paper's set of normals and all other sets. Writes
@@ -539,7 +539,7 @@ def conservativeness(output: given.Folder = given.OUT, quick: given.Quick = Fals
 
 
 @figures.command()
-def corridor(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
+def corridor(output: given.Folder = given.STUDY_FOLDER, quick: given.Quick = False) -> None:
     """Steer a Panda made of boxes into a corridor, with each distance.
 
     The paper's robot experiment: the same controller with the exact distance, the GDF and the HD-SDF, with the text's
@@ -553,7 +553,7 @@ def corridor(output: given.Folder = given.OUT, quick: given.Quick = False) -> No
 
 
 @figures.command()
-def kinks(output: given.Folder = given.OUT) -> None:
+def kinks(output: given.Folder = given.STUDY_FOLDER) -> None:
     """Follow the distances of two squares that pass each other.
 
     The Euclidean distance has kinks there and the HD-SDF has none. Writes kinks.csv and kinks.png: both over time, with

@@ -136,7 +136,7 @@ class ConvexBody:
 
         Its HD-SDF is the Hölder minimum of the pieces', as smooth and as safe in sign: see ``unions``.
 
-        Raises InputError for no pieces and for what is no body.
+        Raises InputError for no pieces and for pieces that are not bodies.
         """
         from hdplan.distance.unions import union_of
 

@@ -71,21 +71,21 @@ def plan(
             after a small change of the scene, which is followed without further rounds where it costs about as much as
             before, or waypoints (R, n) in the order of the robot's joints. Its ends are
             moved to the scene's, which is noted. It is not trusted: the result is certified like any other motion, and
-            if the guess leads to none, the search continues as without it. Of several goals, the one nearest to its end
-            starts with it.
+            if the guess leads to no certified motion, the search continues without it. Of several goals, the one
+            nearest to its end starts with it.
         report: called with every step and every certificate.
         stop: called at every step; once it returns True, the best motion so far is certified and returned. A
             KeyboardInterrupt does the same, except at moments in which a C++ library swallows it.
-        terms: costs, penalties and constraints of one's own in symbols. Constraints are kept at the waypoints: where
-            the best motion found leaves one, a note says how far. The certificate does not know of them.
+        terms: your own costs, penalties and constraints in symbols. Constraints are kept at the waypoints; a note gives
+        the violation of the best motion. The certificate does not know them.
 
     Raises:
         UnsolvableError: the scene allows no motion, and its `cause` says why: an end is not allowed, or, once guesses
             failed for some time, it is proven that no motion exists (`certificate.infeasibility`).
         TimeLimitError: a `deadline.time_limit` passed before there was a motion.
         InputError: for errors in the scene or robot, including a start or goal in collision or off a path constraint;
-            for a guess whose joints are not the robot's, or beyond their limits; and for a term that is no `OwnTerm`,
-            of other sizes, or not twice differentiable.
+            for a guess whose joints are not the robot's, or beyond their limits; and for a term that is not an
+            `OwnTerm`, of a wrong size, or not twice differentiable.
     """
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")

@@ -59,8 +59,8 @@ def _times(size: JointSizes, share: float) -> JointSizes:
 
 @dataclass(frozen=True, repr=False)
 class Uncertainty(Sized):
-    """An obstacle is not quite where the scene says: each of its points may be up to `position` away from where the
-    pose, turned by up to `orientation` about the obstacle's origin, has it, and up to `speed` times the time more."""
+    """The uncertainty of an obstacle's pose: each of its points may be up to `position` away from its place in the
+    pose, turned by up to `orientation` about the obstacle's origin, and up to `speed` times the time farther."""
 
     position: Distance = 0.0  # [m]
     orientation: Turn = 0.0  # [rad] about any axis through its origin
@@ -73,7 +73,7 @@ class Uncertainty(Sized):
 
 @dataclass(frozen=True, repr=False)
 class Tracking(Sized):
-    """By how much the joints may be off the motion while the controller executes it."""
+    """Largest deviations of the joints from the motion while a controller executes it."""
 
     position: Annotated[JointSizes, JointSize("rad or m", 1.0)] = 0.0
     velocity: Annotated[JointSizes, JointSize("rad/s or m/s")] = 0.0

@@ -36,7 +36,7 @@ class Job:
     seed: int = 0
 
     def load(self) -> Scene:
-        """Read it. Raises InputError for a bad file or field."""
+        """Return the scene. Raises InputError for a bad file or field."""
         if isinstance(self.scene, Scene):
             return self.scene
         if self.fields:

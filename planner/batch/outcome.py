@@ -69,7 +69,7 @@ class Outcome:
 
 
 def solve(job: Job, options: Options) -> Outcome:
-    """Plan one problem. Whatever happens becomes an outcome, but for what ends the process: a crash, too much memory,
+    """Plan one problem. Every result becomes an outcome, except when the process ends: a crash, too much memory,
     and a problem that does not return long after its time limit."""
     began = time.perf_counter()
     files: dict[str, bytes] = {}

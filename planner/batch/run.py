@@ -105,13 +105,13 @@ def read_run(folder: FilePath) -> dict[str, Any]:
     """Return what a run is. Raises InputError if the folder holds none."""
     about = Path(folder) / RUN
     if not os.path.isfile(about):
-        raise InputError(f"{folder}: is no folder of a run ({RUN} is missing)")
+        raise InputError(f"{folder}: is not the folder of a run ({RUN} is missing)")
     try:
         header = json.loads(read_file(about))
     except ValueError:
         header = None
     if not isinstance(header, dict) or not isinstance(header.get("problems"), int):
-        raise InputError(f"{about}: is no run's description")
+        raise InputError(f"{about}: is not the description of a run")
     return header
 
 

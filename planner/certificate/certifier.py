@@ -20,14 +20,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.planner.certificate.collision_proof import SHORTEST_INTERVAL, Proof, Spot, Sweep
+from hdplan.planner.certificate.collision_proof import SHORTEST_INTERVAL, Proof
 from hdplan.planner.certificate.coverage import compared, ends_of, refuse_gaps, required_of
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
+from hdplan.planner.certificate.placed_pairs import Spot
 from hdplan.planner.certificate.rounding import refuse_far_bodies, refuse_large_motion
 from hdplan.planner.certificate.sizes import FIELDS, Sizes
 from hdplan.planner.certificate.solids import link_bodies, obstacle_bodies
+from hdplan.planner.certificate.sweep import Sweep
 from hdplan.planner.certificate.verdict import (
     Certificate,
     Closest,
@@ -84,7 +86,7 @@ def certify(
     Raises:
         InputError: the trajectory's joints do not match the robot's; a mesh of the scene cannot be used; the robot
             was changed after it was loaded.
-        UncheckedError: something that the scene asks for was not checked, a fault of hdplan (`coverage`).
+        UncheckedError: a requirement of the scene was not checked, a fault of hdplan (`coverage`).
     """
     return Certifier(Setup.of(scene, robot)).certify(trajectory, required=required, check_ends=check_ends)
 

@@ -11,7 +11,7 @@ from hdplan.distance.compiled.loops import Record
 from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
-    from hdplan.planner.certificate.followed_curve import PoseCurve
+    from hdplan.planner.certificate.pose_curve import PoseCurve
 
 
 def pose_curve(curve: PoseCurve, parallel: float) -> Record:

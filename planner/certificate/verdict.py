@@ -117,9 +117,9 @@ class Certificate:
     def proof(self) -> ProofFile:
         """The certificate of a planned motion as a file that others check (`hdplan.verify`); made on first use.
 
-        It is about two files: the scene's, or what `result.requested.save` writes if there is none of this content; and
-        what `result.save` writes as JSON. Raises InputError for what a proof cannot hold, and for a certificate of
-        another motion (`hdplan.prove`); NotProvenError where there is none.
+        The proof refers to two files: the scene's, or one as `result.requested.save` writes if no file has this
+        content; and the motion's, as `result.save` writes in JSON. Raises InputError for contents that a proof cannot
+        hold, and for a certificate of another motion (`hdplan.prove`); NotProvenError where there is none.
         """
         if self.prover is None:
             raise InputError(

@@ -95,7 +95,7 @@ def _check_times(job: Job) -> None:
     except InputError:  # a row of its own, later
         return
     if not timed:
-        raise InputError(f"--export lerobot: {job.name} and the like: {WITHOUT_TIMES}")
+        raise InputError(f"--export lerobot: {job.name} and similar scenes: {WITHOUT_TIMES}")
 
 
 def show_report(folder: Path, plot: Path | None) -> int:

@@ -16,7 +16,7 @@ from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.solvers import solver_named
-from hdplan.planner.terminal.arguments import SEARCH
+from hdplan.planner.terminal.arguments import SEARCH_TIME
 from hdplan.planner.terminal.console import printing, progress, waiting
 from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import result_rows, table, verdict_text
@@ -54,8 +54,8 @@ def run_plan(
     quiet: bool,
     served: contextlib.ExitStack | None = None,
 ) -> int:
-    """Plan within a `time_limit` [s] for everything; without one, solving and certifying take at most SEARCH seconds.
-    Browsers see it that are `served`.
+    """Plan within a `time_limit` [s] for everything; without one, solving and certifying take at most SEARCH_TIME
+    seconds. Browsers see it that are `served`.
 
     Returns the exit code: 0 if the motion is certified, else 1.
     """
@@ -78,7 +78,7 @@ def run_plan(
         from hdplan.planner.commands.prove import check_proof_of_plan
 
         check_proof_of_plan(proof, output, robot)
-    longest = SEARCH if time_limit is None else time_limit
+    longest = SEARCH_TIME if time_limit is None else time_limit
     options = {"solver": solver, "seed": seed, "time_limit": longest}
     problem, found = None, None
     try:

@@ -113,4 +113,4 @@ def _distance(
             return ExactPairs(pairs, bodies, others, far=np.inf)
         case "gdf":
             return GdfPairs(pairs, bodies, others)
-    raise ValueError(f"no distance is known as {settings.distance!r}")
+    raise ValueError(f"unknown distance {settings.distance!r}")

@@ -52,7 +52,7 @@ class ControlSettings(Checked):
 
     @property
     def self_clearance(self) -> float | None:
-        """The same between links."""
+        """True clearance [m] between links that Δ ≥ δ proves at a sample; None if nothing is proven."""
         return self._proven(self.self_margin, self.barriers.self_growth)
 
     def _proven(self, margin: float, growth: float) -> float | None:

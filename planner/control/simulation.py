@@ -33,8 +33,8 @@ CLEARANCE_STEP = 0.01  # [s] between configurations at which the clearance is co
 LONGEST_MOTION = 3600.0  # [s] that a motion may take: the rows of all steps are kept
 PATH_SAMPLES = 1000  # of a path without times
 ROUNDING = 1e-6  # relative, by which a rate may exceed its limit
-SATURATED = 1e-3  # relative, by which a commanded torque may exceed its limit, due to the controller's time steps
-JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller notices
+TORQUE_EXCESS = 1e-3  # relative, by which a commanded torque may exceed its limit, due to the controller's time steps
+UNNOTICED_JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller notices
 
 Plant = Callable[[Setup, Curve], Execution]
 """Executes a curve with times of a scene's robot."""
@@ -248,7 +248,7 @@ def _rates(setup: Setup, curve: Curve, order: int, times: Array, limit: Array | 
     jumps = curve.over_time(order - 1).jumps(*around) if order > 1 else np.zeros((len(curve), values.shape[1]))
     for joint, column in enumerate(values.T):
         bound = None if limit is None else float(limit[joint])
-        if jumps[:, joint].max() > JUMP:
+        if jumps[:, joint].max() > UNNOTICED_JUMP:
             row = int(jumps[:, joint].argmax())
             yield Peak(float("inf"), bound, float(curve.time_of(row / (len(curve) - 1))))
         else:
@@ -277,7 +277,7 @@ def _overloaded(execution: Execution, limits: Array | None, robot: Robot) -> Ite
     """Say where the commanded torque first exceeds a limit, if there is one, and whether tracking is lost."""
     if (
         limits is not None
-        and (over := (shares := np.abs(execution.commanded) / limits).max(axis=1) > 1 + SATURATED).any()
+        and (over := (shares := np.abs(execution.commanded) / limits).max(axis=1) > 1 + TORQUE_EXCESS).any()
     ):
         row = int(over.argmax())
         joint = int(shares[row].argmax())

@@ -41,8 +41,8 @@ from hdplan.scenes.stage import ArmStage, Touch
 from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
 
-DEEP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
-TURNS = 4  # tries to find the turn about a free axis; one is enough where curves turn about that axis
+NOTED_OVERLAP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
+TURN_TRIES = 4  # tries to find the turn about a free axis; one is enough where curves turn about that axis
 SAME_TIME = 1e-6  # [s] by which a wait may be shorter: rounding of times that are counted from the beginning of a job
 
 
@@ -312,7 +312,7 @@ def _settled(world: World, number: int, part: Trajectory) -> Corner:
     away = np.linalg.norm(poses[:, :3, 3] - corner.pose.position, axis=1)
     row = int((away > corner.radius).argmax()) if (away > corner.radius).any() else -1
     found = settled(corner, poses[row, :3, :3])
-    for _ in range(TURNS if found is not corner else 0):
+    for _ in range(TURN_TRIES if found is not corner else 0):
         leg, _ = leg_of(replace(world, corner=found), number)
         try:
             (there,) = leg.at(np.array([leg.leaves(float(away[row]))]))
@@ -379,7 +379,7 @@ def _on_touch(world: World, number: int, part: Trajectory) -> tuple[str, ...]:
     for (one, other), least in touched(world, number, rows[[0, -1]]).items():
         if least > REACH and (one, other) in stage.touch:
             notes.append(f"{name}: {one} and {other} may touch, and are apart at its beginning and its end")
-        elif least < -DEEP:
+        elif least < -NOTED_OVERLAP:
             notes.append(f"{name}: {one} and {other} may touch, and overlap by {-least * 1e3:.3g} mm")
     return tuple(notes)
 

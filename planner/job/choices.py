@@ -42,13 +42,13 @@ from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
 
-SHARE = 0.3  # of the time left, for one motion, or a look ahead, where there are others to try
-FOLLOWING = 0.5  # of the time left, for all that follows a motion to one of several goals
+TIME_SHARE = 0.3  # of the time left, for one motion, or a look ahead, where there are others to try
+FOLLOWING_SHARE = 0.5  # of the time left, for all that follows a motion to one of several goals
 ROUNDS = (
     (True,),
     (True, False),
 )  # for each look ahead: are curves behind the next move followed plainly
-EACH = 3  # goal configurations of a move for every pose
+CONFIGURATIONS_PER_POSE = 3  # goal configurations of a move for every pose
 BEGINNINGS = 4  # of a curve that are tried for each configuration of a move's goal
 
 
@@ -132,7 +132,7 @@ class Search:
                 self.best = [*pieces]
             if len(pieces) == len(self.stages):
                 return
-            until = self._end_of(FOLLOWING) if others else self._until
+            until = self._end_of(FOLLOWING_SHARE) if others else self._until
             open_.append(_Open(self._choices(piece.after, len(pieces)), until))
 
     def _refuse(
@@ -167,7 +167,7 @@ class Search:
     @contextmanager
     def _one_of_several(self) -> Iterator[None]:
         """Give the block a share of the time that is left."""
-        until, self._until = self._until, self._end_of(SHARE)
+        until, self._until = self._until, self._end_of(TIME_SHARE)
         try:
             yield
         finally:
@@ -216,7 +216,7 @@ class Search:
         if isinstance(setup.scene.goal, JointTarget):
             made = Aims([setup.scene.goal])
         else:
-            made = Aims(goals_in_turn(stage_certifier(world, number), self.seed, EACH))
+            made = Aims(goals_in_turn(stage_certifier(world, number), self.seed, CONFIGURATIONS_PER_POSE))
             try:
                 next(iter(made))
             except UnsolvableError as error:
@@ -314,7 +314,11 @@ class Search:
         aimed = derived(scene, goal=goal)
         try:
             result = plan(
-                aimed, seed=self.seed, time_limit=left * (SHARE if others else 1.0), report=self.report, stop=self.stop
+                aimed,
+                seed=self.seed,
+                time_limit=left * (TIME_SHARE if others else 1.0),
+                report=self.report,
+                stop=self.stop,
             )
         except (UnsolvableError, TimeLimitError) as error:
             raise StageFailedError(_cause(error, scene)) from None

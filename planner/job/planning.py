@@ -33,20 +33,20 @@ def plan_job(
     report: Callable[[Event], None] = lambda event: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> JobResult:
-    """Plan a job: find motions for all its stages, and certify each as it was driven.
+    """Plan a job: find motions for all its stages, and certify each as executed.
 
     Args:
         scene: one with a job.
         seed: of random first guesses and configurations; the same seed gives the same result, as far as the time limit
             allows.
         time_limit: [s] for everything but the certificate, which an earlier `deadline.time_limit` does not cut short,
-            either. What was planned by then comes back, and says which stage is missing, and why.
+            either. The planned stages are returned, with the first missing stage and the reason.
         report: called with every step and every certificate of the motions that are planned.
-        stop: called at every step; once it returns True, what was planned so far comes back.
+        stop: called at every step; once it returns True, the stages planned so far are returned.
 
     Raises:
-        InputError: for a scene without a job, and for errors in the scene, its robot or a stage, which it names.
-        TimeLimitError: a `deadline.time_limit` passed before there was a motion.
+        InputError: for a scene without a job, and for errors in the scene, its robot or a stage, which the message
+        names. TimeLimitError: a `deadline.time_limit` passed before there was a motion.
     """
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")

@@ -26,7 +26,7 @@ SAME_HELD = 1e-6  # [rad] or [m] between a joint's value here and the one at whi
 
 @dataclass(frozen=True, eq=False)
 class Samples(ReadOnly):
-    """A motion at one time or at several, which stand in front: the shape of `times` is (…)."""
+    """A motion at one time or at several; the shape (…) of `times` leads every array."""
 
     joint_names: tuple[str, ...]  # (n,) the columns
     times: Array  # (…) [s]

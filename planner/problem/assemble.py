@@ -140,7 +140,7 @@ def seen_anew(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> 
     scene = problem.scene
     clouds = {each.name: each.shape for each in scene.obstacles if isinstance(each.shape, Cloud)}
     if name is None and len(clouds) != 1:
-        raise InputError(f"name: is needed where there is not one cloud; there are {len(clouds)}: {listed(clouds)}")
+        raise InputError(f"name: needed unless there is exactly one cloud; there are {len(clouds)}: {listed(clouds)}")
     name = next(iter(clouds)) if name is None else name
     if name not in clouds:
         raise InputError(f"name: no cloud is named {name!r}{nearest(str(name), clouds)}")
@@ -249,4 +249,4 @@ def _distance(
             from hdplan.planner.collision.euclidean import FclPairs
 
             return FclPairs(pairs, bodies, halfspace_bodies)
-    raise ValueError(f"no distance is known as {settings.distance!r}")
+    raise ValueError(f"unknown distance {settings.distance!r}")

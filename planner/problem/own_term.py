@@ -38,7 +38,7 @@ CONSTRAINT_ROUNDING = 1e-9  # by which a constraint may be exceeded, in its unit
 
 @dataclass(frozen=True)
 class OwnTerm:
-    """A term of one's own in symbols, for `plan` and `Problem.with_term`.
+    """A term of your own in symbols, for `plan` and `Problem.with_term`.
 
     Args:
         name: for messages.
@@ -46,7 +46,7 @@ class OwnTerm:
             scalar for a cost, else a column.
         kind: "cost", "penalty" or "constraint".
         lower, upper: of a constraint, numbers or one for each row.
-        scale: of a penalty or constraint, what a unit counts as in metres inside a margin [m/unit].
+        scale: of a penalty or constraint, the metres inside a margin that one unit counts for [m/unit].
     """
 
     name: str
@@ -58,7 +58,7 @@ class OwnTerm:
 
     def of(self, n: int, own: Rows, activation: float, line: Array) -> WrittenTerm:
         """The term of a problem with n planned joints, which are `own` among the model's; `activation` [m] as the
-        planner's. It is tried on a motion `line` (N, n). Raises InputError for what is no such term."""
+        planner's. The term is evaluated on a motion `line` (N, n). Raises InputError for a term that is not allowed."""
         q, step = ca.MX.sym("q", n), ca.MX.sym("step", n)
         if not isinstance(self.name, str) or not self.name:
             raise InputError(f"term: name must be a text, found {self.name!r}")

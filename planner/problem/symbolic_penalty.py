@@ -134,7 +134,9 @@ class SymbolicPenalty:
     @staticmethod
     def _cannot_grow(each: ObstaclePlaces) -> str:
         shape = type(each.shape).__name__.lower()
-        return f"{each.name}: of the kind {shape} they are no parameters; allowed are {listed(GROWING_SHAPES)}"
+        return (
+            f"{each.name}: the sizes of this shape ({shape}) are not parameters; allowed are {listed(GROWING_SHAPES)}"
+        )
 
     def values(self, poses: Mapping[str, ArrayLike], sizes: Mapping[str, Shape] | None = None) -> Array:
         """The parameters, with other poses for some obstacles: (4, 4), or of a moving one (B, 4, 4), one for each

@@ -20,7 +20,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import ReadOnly
 
-STILL = 1e-9  # [rad] or [m] between two rows, and their rates per second: the robot stands
+STILL_STEP = 1e-9  # [rad] or [m] between two rows, and their rates per second: the robot stands
 Rows = tuple[
     NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
 ]  # positions, velocities, accelerations (k, n)
@@ -76,7 +76,7 @@ class Nominal:
         if s >= self.ends:
             return False
         here = self.driven(np.array([[s, 0.0, 0.0]]))[0]
-        return bool(np.abs(self.motion.positions[self.row_after(s) :] - here).max() > STILL)
+        return bool(np.abs(self.motion.positions[self.row_after(s) :] - here).max() > STILL_STEP)
 
     def rest(self, row: int) -> Trajectory | None:
         """Return the rest after a row; None if nothing is."""

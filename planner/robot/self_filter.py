@@ -29,7 +29,7 @@ from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.scene import Scene, derived
 
-SHARE = 0.75  # of the margin: edge of the cubes whose points are settled together
+CUBE_SHARE = 0.75  # of the margin: edge of the cubes whose points are settled together
 # [m] coal's distance and that of its own witness points differ by more only where coal is wrong
 DOUBTFUL_DIFFERENCE = 1e-5
 
@@ -99,7 +99,7 @@ def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple
         words.append(text)
         near |= found
     if near.all():
-        raise InputError(f"{where}.cloud: all of its {len(near)} points are to be ignored")
+        raise InputError(f"{where}.cloud: all of its {len(near)} points would be ignored")
     if not near.any() and not stay:
         return obstacle, "", np.empty((0, 3))
     kept = replace(cloud, points=FixedArray(balls.array[~near, :3]), radius=_radius(cloud, balls.array[~near, 3]))
@@ -158,7 +158,7 @@ def _within(geometry: Any, pose: Array, points: Array, margin: float, candidates
     found: Mask = candidates & ((local >= box.min_ - margin) & (local <= box.max_ + margin)).all(axis=1)
     rows = np.flatnonzero(found)
     if len(rows) and margin > 0.0:
-        order, first = grouped(local[rows], SHARE * margin)
+        order, first = grouped(local[rows], CUBE_SHARE * margin)
         rows, count = rows[order], np.diff(np.append(first, len(rows)))
         low, high = np.minimum.reduceat(local[rows], first), np.maximum.reduceat(local[rows], first)
         middle = 0.5 * (low + high)

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm
 
 
-DRAWN = 10  # rounds of draws at most, where a pose can be reached but not freely
+DRAW_ROUNDS = 10  # rounds of draws at most, where a pose can be reached but not freely
 CHECKED_TOGETHER = 16  # configurations in one collision check
 COMPARED_GOALS = 12  # free configurations of a pose that are compared, those nearest to the start
 CLOSE_GOAL = 0.03  # [m] to an obstacle below which a goal is penalized
@@ -72,11 +72,11 @@ def goal_choice(certifier: Certifier, seed: int = 0, each: int = 1) -> Choice:
         start = robot.configuration(scene.start, scene.from_request)
         looked: dict[int, _Reached] = {}
         before = 0
-        for drawn in range(DRAWN):
+        for drawn in range(DRAW_ROUNDS):
             starts = STARTS if drawn else _starts(len(scene.goal.targets))
             for i, target in enumerate(scene.goal.targets):
                 if i not in looked or starts > before or len(looked[i].reached):
-                    draws = DRAWN if drawn or len(scene.goal.targets) == 1 else 1
+                    draws = DRAW_ROUNDS if drawn or len(scene.goal.targets) == 1 else 1
                     looked[i] = _looked_for(certifier, target, start, rng, path, starts, draws)
             before, none = starts, not any(len(each.reached) for each in looked.values())
             if any(each.free for each in looked.values()) or (none and starts == STARTS):

@@ -25,7 +25,7 @@ from hdplan.planner.timing.time_optimal import (
     MOST_BELOW,
     NEXT_HIGH,
     NEXT_LOW,
-    NONE,
+    NO_LINE,
     FastestLaw,
     OnGrid,
     PathRows,
@@ -117,8 +117,8 @@ def _binding(law: FastestLaw) -> Binding:
         bind(step, pushed[step + 1], twice * by_next / push)
         by_x[step] += by_next * (1.0 - twice * by_speed / push)  # 0 where the step leads to the end of a set
     for step, (above, below) in enumerate(held[:-1]):
-        if by_high[step] and above != NONE:
-            below = 2 * rows + MOST_BELOW if below == NONE else below
+        if by_high[step] and above != NO_LINE:
+            below = 2 * rows + MOST_BELOW if below == NO_LINE else below
             (up, by_up), (down, by_down) = slopes(step, above), slopes(step, below)
             share = by_high[step] / (by_down * up - by_up * down)
             bind(step, above, -down * share)

@@ -28,7 +28,7 @@ STEP = 1e-4  # of a path's parameter, for differences
 INSCRIBED = float(np.cos(np.pi / 8))  # how far the sides of the octagon are from its centre, in radii
 # along and across, n ≥ 0
 DIRECTIONS = read_only(np.array([[np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)] for k in range(5)]))
-STANDS = 1e-9  # [m] of a path's slope, below which it has no direction
+LEAST_SLOPE = 1e-9  # [m] of a path's slope, below which it has no direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class ToolLimit:
         """Rows of the limit on a path at the points of `grid`."""
         slope, bend = self._by_joints(*path)
         size = np.linalg.norm(slope, axis=1)
-        way = slope / np.maximum(size, STANDS)[:, None]
+        way = slope / np.maximum(size, LEAST_SLOPE)[:, None]
         along = (bend * way).sum(axis=1)
         across = np.linalg.norm(bend - along[:, None] * way, axis=1)
         found = [(0.0 * size, size**2, self._planned(1) ** 2)] if 1 in self.orders else []

@@ -54,7 +54,7 @@ def read_obj(data: bytes) -> Triangles:
             case ["v", *coordinates]:
                 vertices.append(_point(coordinates, number))
             case ["f", *_]:
-                raise InputError(f"line {number}: {shown(words)}: a face has 3 vertices at least")
+                raise InputError(f"line {number}: {shown(words)}: a face has at least 3 vertices")
             case [keyword, *_] if keyword not in HARMLESS:
                 reason = REFUSED.get(keyword) or f"'{keyword}' is not known{nearest(keyword, ('v', 'f', *HARMLESS))}"
                 raise InputError(f"line {number}: {shown(words)}: {reason}")

@@ -42,7 +42,7 @@ def read_stl(data: bytes) -> Triangles:
     elif data.lstrip()[:5].lower() == b"solid":
         corners = np.array(_solids(text_of(data).lower())).reshape(-1, 3)
     else:
-        raise InputError(f"is no STL file, or damaged: binary, it would have {length} bytes; it has {len(data)}")
+        raise InputError(f"is not an STL file, or is damaged: binary, it would have {length} bytes; it has {len(data)}")
     return corners, np.arange(len(corners)).reshape(-1, 3)
 
 

@@ -555,7 +555,7 @@ def test_loose_convex_parts_are_exact_and_walls_stay_whole() -> None:
     assert whole.surface is not None
 
 
-# --- what is asked of the trajectory --------------------------------------------------------------
+# --- requirements on the trajectory ---------------------------------------------------------------
 
 
 def test_ends_limits_and_names() -> None:
@@ -630,7 +630,7 @@ ELSEWHERE: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("words", ELSEWHERE)
 def test_a_robot_for_which_less_is_proven_is_not_the_scenes(words: str) -> None:
-    """A proof for it would be none for the scene's; what differs is said."""
+    """A proof for it would be none for the scene's; the message names the difference."""
     scene = load_scene("panda_cage")
     spec = dataclasses.replace(scene.robot, base=Pose((0.0, 0.0, 0.1)), locked=FINGERS)
     scene = dataclasses.replace(scene, robot=spec)

@@ -254,7 +254,7 @@ def _unit(rng: np.random.Generator, count: int) -> Array:
 
 
 def test_groups_of_cells_settle_nothing_that_is_not_settled_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With balls around groups of bodies, and without: the same verdict, and nearly the same bound."""
+    """Balls around groups of bodies change no verdict, and hardly any bound."""
     rng, robot = np.random.default_rng(3), load_robot("panda")
     statuses = set()
     for _ in range(6):

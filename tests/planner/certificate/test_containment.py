@@ -360,7 +360,7 @@ def test_a_robot_in_a_room_of_one_mesh_is_free(tmp_path: Path) -> None:
 
 
 def test_a_body_that_comes_in_by_the_hole_of_an_open_mesh_is_met_at_the_next_waypoint(tmp_path: Path) -> None:
-    """A bottle without a bottom is entered without touching a triangle: it is asked again wherever the file says."""
+    """A bottle without a bottom is entered without touching a triangle: containment is checked again at every row."""
     bottle = trimesh.creation.icosphere(3, 0.5)
     middle = bottle.triangles_center
     bottle.update_faces(~((middle[:, 0] > 0.0) & (np.hypot(middle[:, 1], middle[:, 2]) < 0.2)))

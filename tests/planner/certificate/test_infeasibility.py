@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +13,16 @@ from scipy import ndimage
 
 import hdplan
 from hdplan.planner.causes import CAUSES, cause_of_refusal
+from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.exact_proximity import mesh_pieces
 from hdplan.planner.certificate.inscribed_balls import inscribed_ball
 from hdplan.planner.certificate.seals import Barrier
 from hdplan.planner.geometry.meshes import load_mesh
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.search.infeasible import InfeasibilityCheck
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 from tests.planner.certificate.rooms import RADIUS, SPAN, crated, proven, sliders
 
 AXIS = np.linspace(-SPAN, SPAN, 51)
@@ -54,6 +60,34 @@ def test_a_plan_ends_with_the_proof(urdf: Path) -> None:
     assert cause_of_refusal(no.value) == "disconnected"
     assert "disconnected" in CAUSES
     assert hdplan.plan(crated(urdf, 0, 2.4 * RADIUS)).certified
+
+
+def test_a_look_ends_between_its_parts_where_the_search_is_over(urdf: Path) -> None:
+    """And goes on there when there is time again: the proof is the same."""
+    scene, ended = crated(urdf, 0, 1.9 * RADIUS), [False, True, True]
+    search: Any = Ending(Certifier(Setup.of(scene)), lambda: ended.pop(0) if ended else False)
+    assert isinstance(scene.goal, JointTarget)
+    check = InfeasibilityCheck([search], [scene.goal])
+    check._began -= 60.0  # of guesses
+    check.refuse()
+    assert not ended
+    with pytest.raises(hdplan.UnsolvableError, match="no motion exists: a ball 100 mm"):
+        check.refuse()
+
+
+@dataclasses.dataclass
+class Ending:
+    """A search without a motion or time, which ends on request."""
+
+    certifier: Certifier
+    ends: Callable[[], bool]
+    required = 0.0
+    best = None
+    deadline = -np.inf
+
+    @property
+    def over(self) -> bool:
+        return self.ends()
 
 
 def test_what_must_be_kept_counts(urdf: Path) -> None:

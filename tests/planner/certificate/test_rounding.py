@@ -132,7 +132,7 @@ def test_moving_obstacles_are_placed_to_what_is_taken_off() -> None:
 
 
 def test_the_bounds_are_where_they_are_stated(slide: Scene) -> None:
-    """Just within them a motion is looked at; just beyond, the error names the field, the value and what is allowed."""
+    """Just within them a motion is checked; just beyond, the error names the field, the value and what is allowed."""
     far = SHARE / UNIT / PLACING
     still = Trajectory(("turn", "slide"), np.zeros((2, 2)))
     for share, kept in ((0.99, True), (1.01, False)):

@@ -71,7 +71,7 @@ def _torques(robot: Robot, curve: Curve, interval: NDArray[np.int64], fraction: 
 
 @pytest.mark.parametrize("name", ["panda", "kinova", "planar", "sliding"])
 def test_no_torque_changes_faster_than_its_bound(name: str, tmp_path: Path) -> None:
-    """Second differences are means of τ̈ over the time between."""
+    """Second differences are means of τ̈ over the two intervals."""
     robot, rng = _robot(name, tmp_path), np.random.default_rng(1)
     robot.model.armature = np.linspace(0.1, 0.5, robot.n)
     for seed in range(3):

@@ -127,7 +127,7 @@ def test_pandas_bodies_are_few_and_stand_out_little(panda: Robot) -> None:
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_links_of_well_known_arms_come_fitted(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "load", None)  # neither the cache nor a fit is asked
+    monkeypatch.setattr(module, "load", None)  # neither the cache nor a fit is used
     monkeypatch.setattr(module, "_around", None)
     assert link_bodies(load_robot(RobotSpec(name=name)))
 
@@ -144,7 +144,7 @@ def test_what_is_found_about_an_arm_is_shipped(name: str, tmp_path: Path, monkey
     shipped = make(arm, "fitted", "box")
     assert computed == []
     for room in (collision_model, separation_bounds):
-        monkeypatch.setattr(room, "known_result", lambda kind, key: None)
+        monkeypatch.setattr(room, "known_result", lambda kind, key, read: None)
     now = make(arm, "fitted", "box")
     assert (shipped.self_pairs, shipped.unresolved) == (now.self_pairs, now.unresolved)
     np.testing.assert_allclose(shipped.distances_kept, now.distances_kept, rtol=0, atol=1e-6)
@@ -360,16 +360,16 @@ def test_a_cache_that_is_damaged_or_cannot_be_written_is_no_cache(
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
     key = cache.content_key("a", b"b")
     assert key != cache.content_key("ab", b"")
-    assert cache.load("kind", key) is None
+    assert cache.load("kind", key, lambda value: value) is None
     cache.store("kind", key, [0.1, {"x": None}])
-    assert cache.load("kind", key) == [0.1, {"x": None}]
+    assert cache.load("kind", key, lambda value: value) == [0.1, {"x": None}]
     (file,) = (tmp_path / "cache" / "kind").iterdir()
     file.write_text(file.read_text().replace("0.1", "0.2"))
-    assert cache.load("kind", key) is None
+    assert cache.load("kind", key, lambda value: value) is None
     file.write_bytes(b"\xff\xfe")
-    assert cache.load("kind", key) is None
+    assert cache.load("kind", key, lambda value: value) is None
     monkeypatch.setenv("HDPLAN_CACHE", str(file))  # a file where a folder should be
     with pytest.warns(UserWarning, match=f"the cache {file} cannot be written"):
         cache.store("kind", key, 1)
-    cache.store("kind", key, 1)  # said once
-    assert cache.load("kind", key) is None
+    cache.store("kind", key, 1)  # one warning
+    assert cache.load("kind", key, lambda value: value) is None

@@ -288,7 +288,7 @@ def test_all_pairs_together_stay_within_the_budget(way: str, monkeypatch: pytest
     monkeypatch.setattr(separation_bounds._Search, "bound", counted)
     if way == "interpreted":
         monkeypatch.setattr(separation_bounds, "library", lambda: None)
-    monkeypatch.setattr(separation_bounds, "known_result", lambda kind, key: None)
+    monkeypatch.setattr(separation_bounds, "known_result", lambda kind, key, read: None)
     monkeypatch.setattr(separation_bounds, "store", lambda kind, key, value: None)
     given = (
         arm,

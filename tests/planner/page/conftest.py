@@ -1,4 +1,4 @@
-"""A light scene, a motion through it, and a browser to look at pages with."""
+"""A light scene, a motion through it, and a browser for pages."""
 
 from __future__ import annotations
 

@@ -71,6 +71,14 @@ def test_a_page_says_what_is_known(setup: Setup, motion: ShownMotion) -> None:
     assert [joint["name"] for joint in content["joints"]] == list(setup.robot.joint_names)
 
 
+def test_the_page_of_the_docs_is_as_pages_are_today(setup: Setup, motion: ShownMotion) -> None:
+    """In its style, its script and its colours; docs/measurements.md has the command that records it."""
+    docs = (Path(__file__).resolve().parents[3] / "docs" / "panda_cage.html").read_text(encoding="utf-8")
+    today = page_of(setup, [motion]).html
+    for part in (r"<style>.*?</style>", r"<script>.*?</script>", r"linear-gradient\(.*?\)"):
+        assert re.findall(part, docs, re.DOTALL) == re.findall(part, today, re.DOTALL) != []
+
+
 def test_a_page_needs_nothing_from_elsewhere(setup: Setup, motion: ShownMotion) -> None:
     text = page_of(setup, [motion]).html
     assert not re.search(r"https?://|@import|url\(|<link|src=", text.replace("http://www.w3.org", ""))
@@ -112,7 +120,7 @@ def test_a_result_shows_itself(result: PlanResult, tmp_path: Path) -> None:
 
 
 def test_seven_joints_are_not_taken_for_a_pose(browser: Browser) -> None:
-    """Each joint's value is said as it is: the seven of a Panda once had four turned to a quaternion of length 1."""
+    """Each joint's value is shown as it is: the seven of a Panda once had four turned to a quaternion of length 1."""
     result = hdplan.plan(hdplan.load_scene("panda_cage"))
     browser.show(result.show(), SIZE)
     cells = "[...document.querySelectorAll('#joints td:nth-child(2)')]"
@@ -122,7 +130,7 @@ def test_seven_joints_are_not_taken_for_a_pose(browser: Browser) -> None:
 
 
 def test_a_browser_draws_it(setup: Setup, motion: ShownMotion, browser: Browser) -> None:
-    """The picture changes as the motion goes on, the slider and the keys move it, and nothing is complained of."""
+    """The picture follows the motion, the slider and the keys move it, and the console is empty."""
     listening = "<script>window.wrong = []; addEventListener('error', (e) => wrong.push(e.message));</script>"
     page = page_of(setup, [motion])
     browser.show(HtmlPage(page.title, page.html.replace("<body>", listening, 1)), SIZE)

@@ -32,7 +32,7 @@ from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.planner.problem.whole_graph import WholeGraph, whole_graph
 
-# Relative to the largest number compared, unless said.
+# Relative to the largest number compared, unless noted.
 WITNESS = 1e-10  # the fast evaluation against CasADi's: sums in another order, constants rounded alike
 DIFFERENCE = 1e-8  # sixth-order differences: the distance bends over 1 mm, so their error is (STEP / 1 mm)⁶
 STEP = 1e-5  # [rad]

@@ -13,6 +13,7 @@ import pytest
 import trimesh
 
 import hdplan
+from hdplan.distance.compiled.cache import content_key
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh
@@ -135,7 +136,7 @@ def test_a_pair_that_is_only_sampled_fails_with_its_name_and_the_remedy(tmp_path
     spec = RobotSpec(urdf=tmp_path / "bowls.urdf")
     robot = load_robot(spec)
     assert robot.doubtful == robot.self_pairs == (("base", "tip"),)
-    assert any("each of 1000 sampled configurations, which is no proof" in note for note in robot.notes)
+    assert any("each of 1000 sampled configurations, which is not a proof" in note for note in robot.notes)
     with pytest.raises(hdplan.InputError, match=r"links base and tip touch at each of 1000 .* robot\.ignore_pairs"):
         hdplan.plan(Scene(robot=spec, start=[0.0, 0.0], goal=[0.5, 0.5]))
     allowed = RobotSpec(urdf=tmp_path / "bowls.urdf", ignore_pairs=[("base", "tip")])
@@ -160,7 +161,8 @@ def kept_robot(folder: Path, axis: str = "0 .6 .8") -> Robot:
 def test_what_was_proven_is_kept_and_a_damaged_entry_is_not_believed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whole, the entry is read instead of proven again; cut anywhere, or changed, it is as if it were not there."""
+    """Whole, the entry is read instead of proven again; cut anywhere, changed, or of another structure under a checksum
+    of its own, it is as if it were not there."""
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
     proofs = []
 
@@ -176,9 +178,10 @@ def test_what_was_proven_is_kept_and_a_damaged_entry_is_not_believed(
     assert len(proofs) == 1
     assert kept_robot(tmp_path).unchecked == first.unchecked
     assert len(proofs) == 1
-    for count, damaged in enumerate(
-        [whole[: len(whole) // 2], whole[:-1], b"", whole.replace(b"l0", b"l1"), whole + b" "], start=2
-    ):
+    cut = [whole[: len(whole) // 2], whole[:-1], b"", whole.replace(b"l0", b"l1"), whole + b" "]
+    others = ["[]", "5", "null", '{"a": 1}', "[[5], []]", '[[["l0"]], []]', '[[[["l0"], "l2"]], []]']
+    planted = [f"{content_key(other)}\n{other}".encode() for other in others]
+    for count, damaged in enumerate([*cut, *planted], start=2):
         entry.write_bytes(damaged)
         assert kept_robot(tmp_path).unchecked == first.unchecked
         assert len(proofs) == count

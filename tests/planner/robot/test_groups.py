@@ -298,7 +298,7 @@ def test_frames_of_the_scene_hang_on_others(moveit: Loading, tmp_path: Path) -> 
 
 
 def test_joints_may_be_named_instead_of_a_group(two_arms: RobotSpec) -> None:
-    """With an SRDF or without; in the robot's order, whatever the list's; what is not one of them is refused."""
+    """With or without an SRDF, in the robot's order, not the list's; an unknown name is refused."""
     for spec in (two_arms, replace(two_arms, srdf=None)):
         for group in (("left_a", "right_b"), ["right_b", "left_a"]):
             robot = load_robot(replace(spec, group=group))

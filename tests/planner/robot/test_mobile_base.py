@@ -113,7 +113,7 @@ def spec(tmp_path: Path) -> RobotSpec:
 
 
 def test_joints_without_limits_go_the_short_way_round(spec: RobotSpec) -> None:
-    """From any start to any goal by at most half a turn; it is said where the value is not the one that was given."""
+    """From any start to any goal by at most half a turn; a note gives the value where it differs from the scene's."""
     rng = np.random.default_rng(2)
     for start, goal in rng.uniform(-20.0, 20.0, (200, 2)).tolist():
         setup = Setup.of(Scene(robot=spec, start=[start], goal=[goal]))

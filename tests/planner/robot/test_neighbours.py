@@ -47,7 +47,7 @@ def random_tree(rng: np.random.Generator, folder: Path) -> tuple[RobotSpec, dict
 
 
 def way(a: int, b: int, parents: dict[int, tuple[int, bool]]) -> tuple[int, set[int]]:
-    """How many joints move between two links, and which links are between: by walking up from the later one, which is
+    """The number of joints that move between two links, and the links on the way: from the later one up, which is
     never an ancestor of the other."""
     moving, between, ends = 0, set(), {a, b}
     while a != b:
@@ -97,7 +97,7 @@ ARM = """<robot name="arm">
 
 @pytest.mark.parametrize("held", [None, "lift"])
 def test_an_arm_sweeps_through_its_base_unless_one_joint_alone_joins_them(held: str | None, tmp_path: Path) -> None:
-    """Two joints and a link without geometry between: a contact, named. With one of them held they are neighbours."""
+    """Two joints with a bare link between them make a named contact. With one of them held they are neighbours."""
     (tmp_path / "arm.urdf").write_text(ARM)
     spec = RobotSpec(urdf=tmp_path / "arm.urdf", locked={} if held is None else {held: 0.0})
     robot = load_robot(spec)

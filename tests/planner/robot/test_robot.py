@@ -1,4 +1,4 @@
-"""Robots: names, planned and locked joints, limits, pairs, and what is said when something is wrong."""
+"""Robots: names, planned and locked joints, limits, pairs, and the messages when something is wrong."""
 
 from __future__ import annotations
 
@@ -530,7 +530,7 @@ def test_pairs_that_the_scene_asks_to_check_are_checked_whatever_the_srdf_says()
 
 
 def test_a_pair_that_always_touches_and_is_to_be_checked_is_in_contact(tmp_path: Path) -> None:
-    """What is asked for is not left out because it was found to touch everywhere."""
+    """A pair of the scene's is not left out because its bodies touch everywhere."""
     box = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
     joint = '<joint name="j{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><axis xyz="0 0 1"/>'
     joint += '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'

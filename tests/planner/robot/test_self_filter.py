@@ -215,7 +215,7 @@ def test_what_an_image_saw_out_of_range_is_counted() -> None:
 @pytest.mark.parametrize(
     ("cloud", "words"),
     [
-        ({"ignore_robot": 1.0}, "obstacles.view.cloud: all of its 1 points are to be ignored"),
+        ({"ignore_robot": 1.0}, "obstacles.view.cloud: all of its 1 points would be ignored"),
         (
             {"ignore": Ignored(0.1, link="panda_hund")},
             r"cloud.ignore\[0\].link: unknown link .*mean 'panda_hand'",

@@ -1,4 +1,4 @@
-"""Reports of what was measured: tables whole, pictures drawn, interruption said; on numbers made up."""
+"""Reports of measurements: tables whole, pictures drawn, interruptions reported; on invented numbers."""
 
 from __future__ import annotations
 

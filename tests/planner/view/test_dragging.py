@@ -61,7 +61,7 @@ def in_sight(page: Any, viewer: Viewer) -> Any:
 
 
 def test_the_certified_motion_follows_the_mouse(page: Any, viewer: Viewer) -> None:
-    """While the button is still down: what is said to be certified is, in the scene as it is then."""
+    """While the button is still down: what the panel calls certified is so, in the scene as it is then."""
     place = selected(page, viewer, BALL)
     assert viewer.motions.active is not None
     first = viewer.motions.active.motion.trajectory
