@@ -19,9 +19,9 @@ class ConfigurationDistances(PlacedPairs):
     """Pairs at configurations, each at a time."""
 
     def __init__(self, prepared: PreparedPairs, rows: Array, times: Array | float) -> None:
-        """Place the pairs at configurations (B, n) and times (B,) [s], or all at one time."""
-        times = np.broadcast_to(times, len(rows))
-        super().__init__(prepared, Curve.through(np.concatenate([rows, rows[-1:]]), np.append(times, times[-1])))
+        """Place the pairs at configurations (B, n), each at a time (B,) [s] or all at one."""
+        when = np.broadcast_to(times, len(rows))
+        super().__init__(prepared, Curve.through(np.concatenate([rows, rows[-1:]]), np.append(when, when[-1:])))
 
     def all_pairs(self, within: float = np.inf, surfaces: bool = False, unknown: bool = False) -> tuple[Spot, ...]:
         """Return the signed distances of all pairs at the first configuration, except for those that bounding balls
@@ -88,7 +88,7 @@ class ConfigurationDistances(PlacedPairs):
         """Return the closest pair of each group at each configuration, if it is `within`."""
         nodes = self.at_waypoints(np.arange(len(self.curve) - 1))
         count, group = 2 * len(nodes.interval), self.pairs.group
-        best: list[Spot | None] = [None] * count  # of both groups at each configuration
+        best: list[Spot | None] = [None] * count  # of both groups at each waypoint
         least = np.full(count, within)  # [m] their distances
 
         def meet(spot: Spot) -> None:

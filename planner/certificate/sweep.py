@@ -38,8 +38,8 @@ class Sweep(PreparedPairs):
         found: list[tuple[Spot | None, Spot | None]] = []
         size = max(1, MOST_ITEMS // max(1, len(self.pairs.a)))
         for first in range(0, len(rows), size):
-            part = slice(first, first + size)
-            found += ConfigurationDistances(self, rows[part], times[part]).nearest(within)
+            some, when = rows[first : first + size], times[first : first + size]
+            found += ConfigurationDistances(self, some, when).nearest(within)
         return found
 
     def hull_gap(self, q: Array, within: float, time: float = 0.0) -> float:
