@@ -85,14 +85,10 @@ def test_docstrings_and_messages_are_in_plain_words(room: str) -> None:
     assert found == {}
 
 
-def tokens(source: str) -> list[tokenize.TokenInfo]:
-    return list(tokenize.generate_tokens(io.StringIO(source).readline))
-
-
 def comments(source: str) -> Iterator[tuple[int, str]]:
     """The comments of a module, with the lines where they end: those on lines of their own joined, with a full stop."""
     lines, run = source.splitlines(), ""
-    for token in tokens(source):
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.COMMENT:
             row = token.start[0]
             run += token.string.lstrip("# ")
