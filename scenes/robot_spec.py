@@ -91,7 +91,7 @@ class PlanarBase(Checked):
 class RobotSpec(Checked):
     """A robot, where it stands, which joints are planned and which are locked."""
 
-    name: Name | None = None  # in example-robot-data; or else a URDF:
+    name: Name | None = None  # of a robot in example-robot-data; or else `urdf`
     urdf: Annotated[Path, absolute_path] | None = None
     srdf: Annotated[Path, absolute_path] | None = None
     package_dirs: Annotated[

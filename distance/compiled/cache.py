@@ -15,10 +15,13 @@ import stat
 import sys
 import tempfile
 import warnings
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import platformdirs
+
+Value = TypeVar("Value")
 
 
 def cache_dir() -> Path:
@@ -36,14 +39,15 @@ def content_key(*parts: str | bytes) -> str:
     return digest.hexdigest()
 
 
-def load(kind: str, key: str) -> Any | None:
-    """Return the JSON value stored under this kind and key, or None if there is no intact one."""
+def load(kind: str, key: str, read: Callable[[Any], Value | None]) -> Value | None:
+    """Return what `read` makes of the JSON value stored under this kind and key; None if there is no intact one, or one
+    of another structure, at which `read` fails."""
     if not trusted():
         return None
     try:
         checksum, _, text = (cache_dir() / kind / f"{key}.json").read_text(encoding="utf-8").partition("\n")
-        return json.loads(text) if checksum == content_key(text) else None
-    except (OSError, ValueError):
+        return read(json.loads(text)) if checksum == content_key(text) else None
+    except (OSError, ValueError, TypeError, LookupError, AttributeError):
         return None
 
 

@@ -63,7 +63,6 @@ if TYPE_CHECKING:
 
 
 ENDS_KEEP = 0.75  # share of the clearance at start or goal that is required where it is below planner.clearance
-NEAR_PAIR = 0.15  # [m] within which the closest pair is searched for first
 
 
 def certify(
@@ -361,16 +360,21 @@ class Certifier:
     def nearest(self, q: ArrayLike, within: float = np.inf, time: float = 0.0) -> tuple[Place | None, Place | None]:
         """Return the closest places at one configuration and time [s], with exact distances: to an obstacle, and
         between links; None where nothing is `within` [m]."""
-        spots = self.sweep.nearest(self._configuration(q), within, time)
+        (spots,) = self.sweep.nearest(self._configuration(q)[None], np.array([time]), within)
+        return self._places(spots)
+
+    def nearest_along(self, configurations: Array, times: Array) -> list[tuple[Place | None, Place | None]]:
+        """Return what is `nearest` at each of the configurations (k, n) and times (k,) [s]."""
+        return [self._places(spots) for spots in self.sweep.nearest(self.robot.expand(configurations), times)]
+
+    def _places(self, spots: tuple[Spot | None, Spot | None]) -> tuple[Place | None, Place | None]:
         to_obstacle, between_links = (self._standing(spot) if spot else None for spot in spots)
         return to_obstacle, between_links
 
     def closest(self, q: ArrayLike, time: float = 0.0) -> tuple[Closest | None, Closest | None]:
         """Return the `nearest` places at one configuration and time [s], with the closest points of the two bodies."""
         configuration = self._configuration(q)
-        spots = self.sweep.nearest(configuration, NEAR_PAIR, time)  # mostly finds something, with few pairs to compare
-        if None in spots:
-            spots = self.sweep.nearest(configuration, time=time)
+        (spots,) = self.sweep.nearest(configuration[None], np.array([time]))
         to_obstacle, between_links = (
             Closest(*self._names(spot.pair), kind, spot.distance, self.sweep.witnesses(configuration, spot.pair, time))
             if spot

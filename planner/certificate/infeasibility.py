@@ -18,9 +18,10 @@ import numpy as np
 
 from hdplan.planner.certificate.barriers import Reach, off_ends, points_of
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.inscribed_balls import InscribedBall, inscribed_balls
+from hdplan.planner.certificate.inscribed_balls import InscribedBall, inscribed_ball, inscribed_balls
 from hdplan.planner.certificate.intervals import Body
 from hdplan.planner.certificate.seals import Barrier
+from hdplan.planner.certificate.solids import link_bodies
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import naming
@@ -59,15 +60,19 @@ class Shut(NamedTuple):
 
 def looks(
     certifier: Certifier, required: float, tried: Mapping[str, Sequence[Array]], suspects: Collection[str] = ()
-) -> Iterator[tuple[Shut, ...]]:
+) -> Iterator[tuple[Shut, ...] | None]:
     """Look at one ball after another; yield each time what shuts off the goals if no motion of the scene that keeps
-    `required` [m] exists, and that is proven by then, or nothing.
+    `required` [m] exists, and that is proven by then, or nothing. A look may take a second: None between its parts lets
+    it be ended.
 
     tried: motions (N, n) to a goal, by its field, which were not certified. A ball that one of them certainly brings to
     the goal is skipped. suspects: links whose balls are examined first.
     """
     goal = certifier.scene.goal
     open_, found = list(goal.targets if isinstance(goal, Goals) else (goal,)), list[Shut]()
+    for body in link_bodies(certifier.robot):
+        inscribed_ball(body.piece)  # made once: all are at hand below
+        yield None
     balls = inscribed_balls(certifier.robot)
     for ball in sorted(balls, key=lambda ball: certifier.sweep.bodies.names[ball.body] not in suspects):
         start = _centers(certifier, ball, _start(certifier)[None])[0]
@@ -78,6 +83,7 @@ def looks(
         around = np.stack([start, *(region.center for _, region in ends)])
         if (cage := Cage.of(certifier, ball, required, around)) is not None:
             for target, region in ends:
+                yield None
                 ways = (_centers(certifier, ball, _between(rows)) for rows in tried.get(target.field, ()))
                 if any(cage.clear(way) for way in ways):
                     continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdplan.planner.certificate.collision_proof import SHORTEST_INTERVAL, MotionProof, Proof
+from hdplan.planner.certificate.collision_proof import MOST_ITEMS, SHORTEST_INTERVAL, MotionProof, Proof
 from hdplan.planner.certificate.configuration_distances import ConfigurationDistances
 from hdplan.planner.certificate.placed_pairs import PlacedPairs, PreparedPairs, Spot
 from hdplan.planner.motion.curve import Curve
@@ -29,13 +29,18 @@ class Sweep(PreparedPairs):
         less what is unknown: what `distances` say, but no more is examined than decides it."""
         return ConfigurationDistances(self, rows, time).are_clear(floor)
 
-    def nearest(self, q: Array, within: float = np.inf, time: float = 0.0) -> tuple[Spot | None, Spot | None]:
-        """Return the closest pair of each group at one configuration q (n,) and time [s], exactly: by the surfaces, not
-        their hulls.
+    def nearest(self, rows: Array, times: Array, within: float = np.inf) -> list[tuple[Spot | None, Spot | None]]:
+        """Return the closest pair of each group at each of the configurations (k, n) and times (k,) [s], exactly: by
+        the surfaces, not their hulls.
 
         None for a group without a pair `within` [m].
         """
-        return ConfigurationDistances(self, q[None], time).nearest(within)
+        found: list[tuple[Spot | None, Spot | None]] = []
+        size = max(1, MOST_ITEMS // max(1, len(self.pairs.a)))
+        for first in range(0, len(rows), size):
+            some, when = rows[first : first + size], times[first : first + size]
+            found += ConfigurationDistances(self, some, when).nearest(within)
+        return found
 
     def hull_gap(self, q: Array, within: float, time: float = 0.0) -> float:
         """Return how far the hulls of the robot are from those of obstacles at one configuration q (n,) and time [s],

@@ -28,11 +28,11 @@ def link_parts(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Array
     bodies = enclosed(robot, link, geometry)
     numbers = [number for body in bodies for number in (body.vertices.tobytes(), repr(body.radius))]
     key = content_key(VERSION, link_key(robot, link), *numbers)
-    known = load("link_parts", key)
-    if known is None:
-        known = [part.tolist() for part in _parts(bodies, link_triangles(robot, link))]
-        store("link_parts", key, known)
-    return tuple(in_joint(robot, link, np.array(part).reshape(-1, 3)) for part in known)
+    parts = load("link_parts", key, lambda value: [np.array(part, dtype=float).reshape(-1, 3) for part in value])
+    if parts is None:
+        parts = _parts(bodies, link_triangles(robot, link))
+        store("link_parts", key, [part.tolist() for part in parts])
+    return tuple(in_joint(robot, link, part) for part in parts)
 
 
 def _parts(bodies: tuple[Swept, ...], triangles: Array) -> list[Array]:

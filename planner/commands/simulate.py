@@ -40,7 +40,7 @@ def run_simulate(
         from hdplan.planner.commands.job import refuse_options, run_simulate_job
 
         refuse_options({"--plot": plot})
-        return run_simulate_job(problem, trajectory, body, printed_as_json=as_json)
+        return run_simulate_job(problem, trajectory, body, plant_name=plant, printed_as_json=as_json)
     motion = Trajectory.load(trajectory)
     setup = Setup.of(problem)
     arm = setup.robot

@@ -25,6 +25,8 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.values import Number, checked, instance
 
+FAST = 5.0  # [Hz] of commands that shake the robot
+
 
 @dataclass(frozen=True, eq=False)
 class Run:
@@ -140,8 +142,8 @@ def total_variation(commands: Array) -> float:
     return float(np.abs(np.diff(commands, axis=0)).sum())
 
 
-def fast_energy(commands: Array, period: float, above: float = 5.0) -> float:
-    """Return the energy ∫ |u|² dt of commands (N,) or (N, n) at frequencies over `above` [Hz]: [rad²/s].
+def fast_energy(commands: Array, period: float) -> float:
+    """Return the energy ∫ |u|² dt of commands (N,) or (N, n) at frequencies above FAST: [rad²/s].
 
     By Parseval's theorem, after subtracting the straight line from the first to the last command, so that the step
     between the ends does not count.
@@ -151,7 +153,7 @@ def fast_energy(commands: Array, period: float, above: float = 5.0) -> float:
         return 0.0
     line = np.linspace(values[0], values[-1], len(values))
     spectrum = np.fft.rfft(values - line, axis=0)
-    fast = np.fft.rfftfreq(len(values), period) > above
+    fast = np.fft.rfftfreq(len(values), period) > FAST
     twice = np.full(len(spectrum), 2.0)  # a real signal's spectrum counts twice, except at its ends
     twice[0] = 1.0
     if len(values) % 2 == 0:

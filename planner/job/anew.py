@@ -17,7 +17,6 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import smooth
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.planner.timing.time_optimal import grid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 
@@ -54,7 +53,7 @@ def timed_anew(
 def _along(retimer: Retimer, path: Trajectory, shares: Array, speeds: Array) -> tuple[Trajectory, list[float]] | None:
     """Return the quickest motion along a path, and the times of those of its rows that are nearest to shares of it, at
     which stages with these speeds begin; None where there is none, or no row for each stage."""
-    paced = retimer.with_shares(speeds[np.searchsorted(shares[1:], grid(), side="right")])
+    paced = retimer.with_speeds(speeds, shares[1:])
     try:
         timed = paced.along(path, smooth(path.positions))
     except HdplanError:

@@ -39,7 +39,6 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.planner.timing.time_optimal import grid
 from hdplan.planner.timing.tool_limit import ToolLimit, ToolRates
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Circle, Curve
@@ -227,10 +226,10 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
         )
         waypoints = Trajectory(robot.joint_names, rows, robot.locked)
         drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
-        parts = _tool_rates(path, driven, first, last)
-        rated = any(each is not None for part in parts for each in (part.speed, part.acceleration))
-        paced = (retimer.with_limit(ToolLimit(robot, path.link, parts)) if rated else retimer).with_shares(
-            speeds[np.searchsorted(path.middles, first + grid() * (last - first), side="right")]
+        rates = _tool_rates(path, driven, first, last)
+        rated = any(each is not None for rate in rates for each in (rate.speed, rate.acceleration))
+        paced = (retimer.with_limit(ToolLimit(robot, path.link, rates)) if rated else retimer).with_speeds(
+            speeds, np.asarray(path.middles), first, last
         )
         timed = paced.along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))
         motion = in_step(timed.trajectory, _rate(world))

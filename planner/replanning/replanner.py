@@ -140,6 +140,8 @@ class Replanner:
         self._course: Course | None = None
         self._ways = Ways(self.robot, executor)
         self._now = -math.inf  # of the last step
+        self._stepped = math.inf, 0.0  # its time, and the processor's then [s]: none yet
+        self._closed = False
         self._off = ""  # how the robot is not where it is to be
         self._measured: Measured | None = None  # a state that no step has used yet
         self._measured_at = -math.inf  # when the last one was [s]
@@ -180,8 +182,9 @@ class Replanner:
         self.close()
 
     def close(self) -> None:
-        """End the replanner's own thread; the last command stays safe."""
+        """End the replanner's own thread; the last command stays safe, and no step follows."""
         with self._steps:
+            self._closed = True
             self._ways.close()
 
     def update(
@@ -202,10 +205,10 @@ class Replanner:
             [s], not of its arrival.
 
         The work is done here and not in a step, so call `update` in the camera's thread. Raises InputError for
-        obstacles that no scene can have, unknown names, and a picture that is older than the last one; nothing has
-        changed then.
+        obstacles that no scene can have, unknown names, and a picture that is older than the last one or of the future;
+        nothing has changed then.
         """
-        at = _moment(at, "at")
+        at = self._past(_moment(at, "at"))
         with self._updates:
             seen = self._seen.updated(at, obstacles, cloud, poses)
             picture = Picture(seen, self.robot, self._held.at(at)[0])
@@ -219,6 +222,7 @@ class Replanner:
         setup = Setup.of(scene, self.robot)
         _check_goal(setup)
         with self._steps:
+            self._refuse_closed()
             self._scene = setup.requested
             self._ways.forget(reaches=False)
             if not self._off and self._now > -math.inf:  # the next step may then have a way already
@@ -231,7 +235,7 @@ class Replanner:
 
         A robot that is not within `robot.tracking` of its motion brakes along it, and continues from the place where it
         then stands. Raises InputError for wrong numbers of values, NaN, and values that the joints cannot have; the
-        current motion stays in force. An older state than the last one raises it, too.
+        current motion stays in force. A state that is older than the last one, or of the future, raises it, too.
         """
         joints = self.robot.joint_names
         found, rates = joint_numbers("q", q, joints), joint_numbers("dq", dq, joints)
@@ -243,7 +247,8 @@ class Replanner:
         if over[i := int(over.argmax())] > 0.0:
             raise InputError(f"dq: joint '{joints[i]}' is at {rates[i]:g}, its limit is {self._speeds[i]:g}")
         with self._steps:
-            when = max(self._now, self._grid.origin, self._measured_at) if at is None else _moment(at, "at")
+            last = max(self._now, self._grid.origin, self._measured_at)
+            when = last if at is None else self._past(_moment(at, "at"))
             if when < self._measured_at:
                 last = self._measured_at
                 raise InputError(f"at: must be no earlier than the last state, {last:.6g} s, found {when:.6g} s")
@@ -252,14 +257,15 @@ class Replanner:
     def step(self, t: float) -> Command:
         """Return the command for now, t [s]: the current motion, extended by a piece if that could be proven.
 
-        Raises InputError for a time that is not a number, or earlier than the last step.
+        Raises InputError for a time that is not a number, or earlier than the last step, and after `close`.
         """
         began = time.perf_counter()
         t = _moment(t, "t")
         with self._steps:
+            self._refuse_closed()
             if t < self._now:
                 raise InputError(f"t: must be no earlier than the last step, {self._now:.6g} s, found {t:.6g} s")
-            self._now = t
+            self._now, self._stepped = t, (t, began)
             self._compare(self._time(t, began))
             picture, row = self._picture, self._grid.after(t + self._period + self._latency)
             why, moves = self._hindrance(picture, self._time(t, began)), False
@@ -269,6 +275,17 @@ class Replanner:
             if not self._off:
                 self._ask(row, moves)
             return self._command(t, why, time.perf_counter() - began)
+
+    def _past(self, at: float) -> float:
+        """Return a time at which something was seen or measured. Raises InputError for one that is more than a period
+        beyond now, as all that is true would then be older; without a clock, the first step tells the time."""
+        if at > (now := self._time(*self._stepped)) + self._period:
+            raise InputError(f"at: must be no later than now, {now:.6g} s, found {at:.6g} s")
+        return at
+
+    def _refuse_closed(self) -> None:
+        if self._closed:
+            raise InputError("the replanner is closed: its last command stays safe, and a new replanner goes on")
 
     def _ask(self, row: int, moves: bool) -> None:
         """Request a check of the way, for a course that continues from a row of the clock."""

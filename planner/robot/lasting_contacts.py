@@ -6,7 +6,7 @@ Both are found once for a robot and kept on disk by the content of everything th
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,15 +32,20 @@ def lasting_contacts(robot: Robot, pairs: Iterable[LinkPair]) -> tuple[tuple[Lin
         return (), ()
     content = _content(robot, left)
     key = None if content is None else content_key(VERSION, *content)
-    known = None if key is None else load("lasting_contacts", key)
+    known = None if key is None else load("lasting_contacts", key, _pairs)
     if known is not None:
-        touching, proven = ({(a, b) for a, b in row} for row in known)
+        touching, proven = known
         return tuple(pair for pair in left if pair in touching), tuple(pair for pair in left if pair in proven)
     touch = in_contact(robot, left, samples[FIRST_SAMPLES:])
     always = always_touching(robot, touch, LIMIT_EXCESS)
     if key is not None:
         store("lasting_contacts", key, [touch, always])
     return touch, always
+
+
+def _pairs(value: Any) -> tuple[set[LinkPair], set[LinkPair]]:
+    touching, proven = ({(a, b) for a, b in row} for row in value)
+    return touching, proven
 
 
 def _content(robot: Robot, pairs: Iterable[LinkPair]) -> Parts | None:

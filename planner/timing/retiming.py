@@ -35,7 +35,7 @@ from hdplan.planner.timing.least_time import least_time, least_times
 from hdplan.planner.timing.limits import MARGIN, RateLimit, TimingLimit, timing_limits
 from hdplan.planner.timing.path_spline import PathSpline, smooth
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
-from hdplan.planner.timing.time_optimal import GRID, OnGrid, time_optimal
+from hdplan.planner.timing.time_optimal import GRID, OnGrid, grid, time_optimal
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.timing import MOST_ROWS, Timing
@@ -106,11 +106,12 @@ class Retimer:
         found.limits = (*self.limits, limit)
         return found
 
-    def with_shares(self, shares: Array) -> Retimer:
-        """Return the same for paths that are driven at shares of the speed (points,) at the points of `grid`:
-        accelerations are less by their squares there, as in a motion that is slowed."""
+    def with_speeds(self, speeds: Array, changes: Array, first: float = 0.0, last: float = 1.0) -> Retimer:
+        """Return the same for the part from `first` to `last` of a path on which stages (k,) are driven at shares of
+        the speed; at `changes` (k - 1,) of the path the next one begins. Accelerations are less by the squares of the
+        shares, as in a motion that is slowed."""
         found = copy.copy(self)
-        found.shares = shares
+        found.shares = speeds[np.searchsorted(changes, first + grid() * (last - first), side="right")]
         return found
 
     def standing(self, query: Query) -> Query:

@@ -107,6 +107,14 @@ class Editing:
 
         self.do(job)
 
+    def fail(self, error: HdplanError) -> None:
+        """Report what went wrong elsewhere. By any thread."""
+
+        def job() -> None:
+            raise error
+
+        self.do(job)
+
     def enter(self) -> None:
         """Let what is edited next be another step, as another field is entered. By any thread."""
         self._viewer.worker.ask("enter", self._end)

@@ -20,7 +20,8 @@ from hdplan.planner.certificate.verdict import Closest, proven_length
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.gliding import LEAST_THICKNESS, slab_of
 from hdplan.planner.view.drawing.colors import PLANE
-from hdplan.planner.view.drawing.nodes import LABELS, wxyz_of
+from hdplan.planner.view.drawing.labels import LABELS
+from hdplan.planner.view.drawing.nodes import wxyz_of
 from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import time_limit
