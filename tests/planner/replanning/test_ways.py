@@ -10,7 +10,7 @@ import pytest
 
 import hdplan
 from hdplan.planner.replanning.held import Grid, Held
-from hdplan.planner.replanning.outlook import SHARES, Question, outlook
+from hdplan.planner.replanning.outlook import ROOM_SHARES, Question, outlook
 from hdplan.planner.replanning.picture import Sightings
 from hdplan.planner.replanning.ways import Ways
 from hdplan.planner.robot.setup import Setup
@@ -66,4 +66,4 @@ def test_a_way_is_planned_again_with_less_room_only_where_something_moves(
     standing = setup.robot.configuration(setup.scene.start)
     question = Question(setup.scene, setup.robot, seen, 0.0, 0.5, None, True, 0, standing, stuck=False)
     assert outlook(question).why == "planted"
-    assert margins == [share * 0.5 for share in (SHARES if speed else (1.0,))]
+    assert margins == [share * 0.5 for share in (ROOM_SHARES if speed else (1.0,))]
