@@ -52,7 +52,7 @@ class ConvexBody:
     radius: float = 0.0  # [m] of the sphere that sweeps the polytope, >= 0
 
     def __repr__(self) -> str:
-        """Say how large it is."""
+        """Return its size, for display."""
         swept = f", swept by a sphere of {self.radius:g} m" if self.radius else ""
         count = len(self.vertices)
         return f"<ConvexBody: {count} {'vertex' if count == 1 else 'vertices'}{swept}>"

@@ -1,4 +1,4 @@
-"""Why a problem has no certified motion, found by trying: what it would take for there to be one.
+"""Why a problem has no certified motion, by experiment: the changes with which it would have one.
 
 A problem that is refused says its cause itself. Where no certified motion was found, one thing after another is taken
 away or made more generous, such as the clearance, and planned again: the first that leads to a certified motion is the
@@ -109,7 +109,7 @@ def diagnose(
 
 
 def _measured(result: PlanResult) -> str:
-    """Return what came of a trial."""
+    """Return the outcome of a trial."""
     duration = result.trajectory.duration
     lasts = "" if duration is None else f", {duration:.3g} s long"
     return f"{result.certificate.text}{lasts}"
@@ -194,7 +194,8 @@ def _turning(scene: Scene) -> Scene | None:
 
 
 def _free_nearby(scene: Scene) -> str:
-    """Say which configuration near an end that is not allowed is; empty if none is found, or if obstacles move."""
+    """Return, in words, which configuration near an end that is not allowed is; empty if none is found, or if obstacles
+    move."""
     if any(each.motion is not None for each in scene.obstacles):
         return ""
     drawn = np.random.default_rng(0)

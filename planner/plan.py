@@ -196,7 +196,7 @@ def _attempts(searches: Sequence[Search]) -> int:
 
 
 def _ended(searches: Sequence[Search], taken: int, seconds: float) -> str:
-    """Say what the time limit ended, of so many seconds; nothing where no more was to be done."""
+    """Return, in words, what a time limit of so many seconds ended; empty if the search was complete."""
     reached = f"time limit of {seconds:g} s reached"
     if not searches[taken].certified:
         guesses = _attempts(searches)
@@ -241,7 +241,7 @@ def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tu
 
 
 def _retimer(setup: Setup, certifier: Certifier) -> Retimer | None:
-    """Return the retimer, if the scene asks for times; a robot that moves is to brake without meeting anything."""
+    """Return the retimer, if the scene requires times; a robot that moves is to brake without meeting anything."""
     if not setup.scene.timed:
         return None
     from hdplan.planner.timing.retiming import Retimer
@@ -250,7 +250,8 @@ def _retimer(setup: Setup, certifier: Certifier) -> Retimer | None:
 
 
 def _slide(certifier: Certifier, goal: JointTarget, required: float) -> Slide | None:
-    """Return what moves a motion's end along the goal set, if there is a choice and the motion is to be bettered."""
+    """Return the function that moves a motion's end along the goal set, if there is a choice and the motion is
+    improved."""
     if isinstance(certifier.scene.goal, JointTarget) or not certifier.scene.polish:
         return None
     from hdplan.planner.search.goal_slide import sliding
@@ -259,7 +260,7 @@ def _slide(certifier: Certifier, goal: JointTarget, required: float) -> Slide | 
 
 
 def _taken(searches: Sequence[Search], taken: int, goal: JointTarget) -> str:
-    """Say which goal was chosen, out of how many."""
+    """Return, in words, which goal was chosen, out of how many."""
     tried = sum(search.attempts > 0 for search in searches)
     found = sum(search.certified for search in searches)
     joints = zip(searches[taken].problem.robot.joint_names, goal.positions or (), strict=True)

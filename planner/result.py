@@ -91,7 +91,7 @@ class PlanResult:
         return f"<PlanResult of {self.scene} with {self.robot}: {self.certificate.text}>"
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: the verdict, and a small plot of the motion if matplotlib is installed."""
+        """Return the HTML of a notebook: the verdict, and a small plot of the motion if matplotlib is installed."""
         import hdplan.planner
 
         return str(hdplan.planner.result_html(self))

@@ -1,6 +1,6 @@
 """A job: stages that a robot does one after the other, each beginning where the last one ended.
 
-A stage moves the arm (`Move`, `Line`, `Circle`, `Along`), moves the fingers and takes hold of an object or lets go of
+A stage moves the arm (`Move`, `Line`, `Circle`, `Along`), moves the fingers and takes hold of an object or releases
 it (`Grip`, `Release`), sets outputs (`Set`), or waits (`Wait`). What each names is looked up when the job is planned.
 """
 

@@ -96,7 +96,7 @@ class RobotSpec(Checked):
     srdf: Annotated[Path, absolute_path] | None = None
     package_dirs: Annotated[
         tuple[Path, ...], Row(absolute_path, of="folders")
-    ] = ()  # where the packages that the URDF or xacro names are looked for first
+    ] = ()  # where the packages that the URDF or xacro names are sought first
     xacro_args: Annotated[Mapping[str, str], Named(argument)] = field(default_factory=dict)  # of a xacro: name -> value
     group: Annotated[str | tuple[str, ...], group_of] | None = None
     """Which joints are planned: those of a group of the SRDF, or these joints; None: those of the arm."""

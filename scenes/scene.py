@@ -70,7 +70,7 @@ class Scene(Checked):
     payload: Payload | None = None
     path: PathConstraints = field(default_factory=PathConstraints)
     timing: Timing | None = None
-    job: Job | None = None  # in the place of a goal: stages, planned one after the other
+    job: Job | None = None  # in place of a goal: stages, planned one after the other
     notes: tuple[str, ...] = field(default=(), compare=False)  # what the reader changed or left out
 
     if TYPE_CHECKING:
@@ -174,19 +174,19 @@ class Scene(Checked):
             )
 
     def with_start(self, start: AnyConfiguration | Goals) -> Scene:
-        """Return the same scene with another start, in any form that `Scene` takes, or a goal without a choice. Raises
-        InputError as `Scene` does."""
+        """Return a copy of the scene with another start, in any form that `Scene` takes, or a goal without a choice.
+        Raises InputError as `Scene` does."""
         goal = {} if self.job is None else {"goal": None}  # which reads as the start
         return dataclasses.replace(self, start=start, **goal)  # type: ignore[arg-type]
 
     def with_goal(self, goal: AnyGoal) -> Scene:
-        """Return the same scene with another goal, in any form that `Scene` takes. Raises InputError as `Scene`
+        """Return a copy of the scene with another goal, in any form that `Scene` takes. Raises InputError as `Scene`
         does."""
         return dataclasses.replace(self, goal=goal)  # type: ignore[arg-type]
 
     def with_obstacles(self, obstacles: Sequence[Obstacle | Solid | Seen]) -> Scene:
-        """Return the same scene with other obstacles in place of its own, in any form that `Scene` takes; with more
-        by ``[*scene.obstacles, another]``. Raises InputError as `Scene` does."""
+        """Return a copy of the scene with other obstacles in place of its own, in any form that `Scene` takes; with
+        more by ``[*scene.obstacles, another]``. Raises InputError as `Scene` does."""
         return dataclasses.replace(self, obstacles=obstacles)  # type: ignore[arg-type]
 
     def save(self, path: str | Path) -> None:

@@ -1,5 +1,5 @@
-"""Sizes of what a scene does not know: where obstacles really are, how far a controller lags, how well the robot's
-place is known. A world is *within the sizes* if all of it is; what is certified is certified in every such world."""
+"""Sizes of a scene's uncertainties: of the poses of obstacles, of a controller's errors and of the robot's place. A
+world is *within the sizes* if all its parts are; a certificate holds in every such world."""
 
 from __future__ import annotations
 

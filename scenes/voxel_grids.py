@@ -1,4 +1,4 @@
-"""Maps of space as cells: voxel grids, and octomaps. The obstacle is the union of the occupied cells."""
+"""Maps of occupied cells: voxel grids, and octomaps. The obstacle is the union of the occupied cells."""
 
 from __future__ import annotations
 

@@ -277,10 +277,7 @@ RECIPES: dict[str, list[tuple[str, Edits]]] = {
             [
                 (
                     "def _version(",
-                    "@app.command()\ndef hello() -> None:\n"
-                    '    """Greet."""\n'
-                    "    from hdplan.planner.commands.hello import hello as run\n\n"
-                    "    raise typer.Exit(run())\n\n\n",
+                    '@command(app, "hello.hello")\ndef hello() -> None:\n    """Greet."""\n\n\n',
                 )
             ],
         ),

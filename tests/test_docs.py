@@ -118,6 +118,7 @@ def test_install_lines_work_from_a_checkout() -> None:
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])
 def test_the_python_runs(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("hdplan.planner.batch.many.cores", lambda: 1)  # a worker takes seconds to start
     for code in blocks(page, "python"):
         exec(compile(code, page, "exec"), {"__name__": "__main__"})
 

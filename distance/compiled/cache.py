@@ -58,7 +58,7 @@ def store(kind: str, key: str, value: Any) -> None:
 
 
 def trusted() -> bool:
-    """True if nobody else may write in the cache's folder, which need not exist. Warns once where others may."""
+    """True if nobody else may write to the cache's folder, which need not exist. Warns once if others may."""
     home = cache_dir()
     if home in _trusted:
         return True
@@ -69,12 +69,12 @@ def trusted() -> bool:
     return why is None
 
 
-_trusted: set[Path] = set()  # folders that exist and were looked at in this process
+_trusted: set[Path] = set()  # folders that exist and were examined in this process
 
 
 def _open_to(home: Path) -> str | None:
-    """Say which folder others may write, of the cache's and all above it; None if they may none. In one like /tmp
-    (sticky) others can add what is theirs, but not change what is the user's."""
+    """Return the folder to which others may write, among the cache's and all above it; None if there is none. In a
+    sticky folder such as /tmp, others can add files, but not change the user's."""
     if sys.platform == "win32":  # where a user's folders are the user's
         return None
     home = home.resolve()

@@ -48,7 +48,7 @@ class CompiledDistance(BodyDistance[Array]):
         self._witness_count = witness_count
 
     def __repr__(self) -> str:
-        """Say of which bodies it is, and its settings."""
+        """Return its bodies and settings, for display."""
         body_a, body_b, gamma, normals, _ = self._settings
         return f"<CompiledDistance of {body_a} and {body_b}: gamma {gamma}, normals {normals}>"
 

@@ -1,4 +1,4 @@
-"""A file that says how to get workers of a cluster: one of dask's cluster classes, its options, how many workers.
+"""A file that defines the workers of a cluster: one of dask's cluster classes, its options, the number of workers.
 
 ```yaml
 class: dask_jobqueue.SLURMCluster

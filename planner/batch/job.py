@@ -1,4 +1,4 @@
-"""One of many problems: where it is read from, and the seed of its random guesses. It travels to whoever solves it."""
+"""One of many problems: its source, and the seed of its random guesses, as sent to a worker."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many problems from Python: what becomes of each, as an iterator."""
+"""Many problems from Python: their outcomes, as an iterator."""
 
 from __future__ import annotations
 

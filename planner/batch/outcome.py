@@ -1,4 +1,4 @@
-"""One problem solved: a row of results, and the motion. This is what a worker does, whatever problem it is given."""
+"""One problem solved: a row of results, and the motion. Every worker runs this."""
 
 from __future__ import annotations
 

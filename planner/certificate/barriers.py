@@ -31,7 +31,7 @@ ROUNDING = 1e-6  # [m]
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """A cylinder, in the world, in which a point of a link stays whatever the joints do."""
+    """A cylinder, in the world, in which a point of a link stays at all joint values."""
 
     origin: Array  # (3,)
     axis: Array  # (3,) unit
@@ -49,7 +49,7 @@ class Reach:
 
     @classmethod
     def of(cls, chain: Chain, joint: int, point: Array, travel: Array) -> Reach | None:
-        """Return that of a point (3,) in the frame of a joint, by how far the joints go (n, 2); None if they go on
+        """Return that of a point (3,) in the frame of a joint, by how far the joints go (n, 2); None if they continue
         without end."""
         *_, (last, (radius, low, high)) = chain.inward(joint, chain.around(joint, point[None], 0.0), travel)
         if not np.isfinite([radius, low, high]).all():

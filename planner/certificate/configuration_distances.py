@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from hdplan.planner.certificate.exact_proximity import witness_points
@@ -20,10 +18,10 @@ CLEAR_OVERLAP = 1e-3  # [m] by which hulls overlap where no closer look is neede
 class ConfigurationDistances(PlacedPairs):
     """Pairs at configurations, each at a time."""
 
-    def __init__(self, prepared: PreparedPairs, rows: Array, time: float) -> None:
-        """Place the pairs at configurations (B, n) at a time [s]."""
-        curve = Curve.through(np.concatenate([rows, rows[-1:]]), np.full(len(rows) + 1, time))
-        super().__init__(prepared, curve)
+    def __init__(self, prepared: PreparedPairs, rows: Array, times: Array | float) -> None:
+        """Place the pairs at configurations (B, n), each at a time (B,) [s] or all at one."""
+        when = np.broadcast_to(times, len(rows))
+        super().__init__(prepared, Curve.through(np.concatenate([rows, rows[-1:]]), np.append(when, when[-1:])))
 
     def all_pairs(self, within: float = np.inf, surfaces: bool = False, unknown: bool = False) -> tuple[Spot, ...]:
         """Return the signed distances of all pairs at the first configuration, except for those that bounding balls
@@ -86,22 +84,40 @@ class ConfigurationDistances(PlacedPairs):
         items = items[bound <= within + ROUNDING]
         return float(self.bounds.overlapping(nodes, items, CLEAR_OVERLAP)[0].min(initial=within))
 
-    def nearest(self, within: float) -> tuple[Spot | None, Spot | None]:
-        """Return the closest pair of each group at the first configuration, if it is `within`."""
-        nodes = self.at_waypoints(np.zeros(1, dtype=np.int64))
-        best: list[Spot | None] = [None, None]
-        for spot in sorted(
-            self.all_pairs(within=within), key=lambda spot: spot.distance
-        ):  # a surface is no closer than its hull
-            group = int(self.pairs.group[spot.pair])
-            least = best[group]
-            if least is not None and least.distance <= spot.distance:
-                continue
-            if self.hollow[spot.pair] and not spot.touching:
-                spot = replace(spot, distance=max(spot.distance, self.surface(nodes, 0, spot.pair)))
-            if spot.distance <= within and (least is None or spot.distance < least.distance):
-                best[group] = spot
-        return best[0], best[1]
+    def nearest(self, within: float) -> list[tuple[Spot | None, Spot | None]]:
+        """Return the closest pair of each group at each configuration, if it is `within`."""
+        nodes = self.at_waypoints(np.arange(len(self.curve) - 1))
+        count, group = 2 * len(nodes.interval), self.pairs.group
+        best: list[Spot | None] = [None] * count  # of both groups at each waypoint
+        least = np.full(count, within)  # [m] their distances
+
+        def meet(spot: Spot) -> None:
+            place = 2 * spot.interval + int(group[spot.pair])
+            if spot.distance < least[place] or (best[place] is None and spot.distance <= within):
+                best[place], least[place] = spot, spot.distance
+
+        for spot in self.contained(nodes, self.containment.found(nodes)):
+            meet(spot)
+        items = Items.all(len(nodes.interval), np.arange(len(group)))
+        bound, _ = self.bounds.by_ball(nodes, items)
+        place = 2 * items.node + group[items.pair]
+        order = np.lexsort((bound, place))
+        _, first = np.unique(place[order], return_index=True)
+        new, left = order[first], np.ones(len(items), dtype=bool)  # first the pairs whose balls are closest
+        for _ in range(2):
+            new = new[bound[new] <= least[place[new]] + ROUNDING]
+            values, *_ = self.exact(nodes, items[new])
+            for i in np.argsort(values, kind="stable").tolist():
+                value, node, pair = float(values[i]), int(items.node[new[i]]), int(items.pair[new[i]])
+                if value > least[place[new[i]]]:  # a surface is no closer than its hull
+                    continue
+                if self.hollow[pair]:
+                    surface = self.surface(nodes, node, pair)
+                    value = surface if value <= 0.0 else max(value, surface)
+                meet(Spot(node, 0.0, pair, value, value <= 0.0))
+            left[new] = False
+            new = np.flatnonzero(left)
+        return list(zip(best[::2], best[1::2], strict=True))
 
     def witnesses(self, pair: int) -> Array:
         """Return the closest points (2, 3) of two bodies at the first configuration."""

@@ -89,7 +89,8 @@ NUMBERS = (float, int, str)  # which hold nothing
 
 
 class UncheckedError(RuntimeError):
-    """A fault of hdplan: something that the scene asks of a motion was not checked, so that there is no certificate."""
+    """A fault of hdplan: something that the scene requires of a motion was not checked, so that there is no
+    certificate."""
 
 
 def refuse_gaps(required: frozenset[str], checked: frozenset[str]) -> None:
@@ -104,15 +105,15 @@ def refuse_gaps(required: frozenset[str], checked: frozenset[str]) -> None:
 
 
 def ends_of(scene: Scene) -> frozenset[str]:
-    """Return what a scene asks of the ends of a motion, by name."""
+    """Return a scene's requirements on the ends of a motion, by name."""
     ends = {"start": scene.start, "goal": scene.goal}
     given = ((end, rate) for end, at in ends.items() for rate in END_RATES if getattr(at, rate, None) is not None)
     return frozenset({*ends, *(f"{end}.{rate}" for end, rate in given)})
 
 
 def required_of(scene: Scene, robot: Robot) -> frozenset[str]:
-    """Return what a scene asks of a motion of its robot, by name, beside its ends (`ends_of`). Raises UncheckedError
-    for what no certificate can cover, as this module has never heard of it."""
+    """Return a scene's requirements on a motion of its robot, by name, besides its ends (`ends_of`). Raises
+    UncheckedError for a requirement that this module does not know."""
     if unknown := sorted(_unknown(scene, "")):
         raise UncheckedError(f"no certificate: the certificate does not know {', '.join(unknown)}")
     return frozenset(_required(scene, robot))

@@ -1,4 +1,4 @@
-"""Infeasibility proofs: that no motion leads from the start to the goal, whatever the joints do.
+"""Infeasibility proofs: that no motion of the joints leads from the start to the goal.
 
 A ball inside a link (`inscribed_balls`) may never meet what stands. If obstacles, and the end of its reach, shut it off
 (`barriers`, `seals`) from every place where a goal has it, no motion leads to that goal. The rest of the link, what the
@@ -34,7 +34,7 @@ MOST_POINTS = 12_000  # of a barrier: it takes half a second then
 END_RADII = (20.0, 40.0, 80.0)  # radii from an end up to which there are points, if they are not too many
 BALL_ERROR = 1e-4  # [m] by which a ball may be off where a configuration is reached up to rounding
 BETWEEN_POINTS = 1.1  # radii from the nearest point within which a ball may touch what is between points
-PLACES_BETWEEN = 4  # places of a ball looked at between two waypoints
+PLACES_BETWEEN = 4  # places of a ball examined between two waypoints
 NAMED_OBSTACLES = 3  # obstacles in words
 
 Target = JointTarget | PoseTarget | AllOf
@@ -66,7 +66,7 @@ def looks(
     it be ended.
 
     tried: motions (N, n) to a goal, by its field, which were not certified. A ball that one of them certainly brings to
-    the goal is skipped. suspects: links whose balls are looked at first.
+    the goal is skipped. suspects: links whose balls are examined first.
     """
     goal = certifier.scene.goal
     open_, found = list(goal.targets if isinstance(goal, Goals) else (goal,)), list[Shut]()
@@ -147,7 +147,7 @@ class Cage(ReadOnly):
         )
 
     def shut(self, seal: Rows, field: str) -> Shut:
-        """Say what shuts the ball off from a goal."""
+        """Return the obstacles that shut the ball off from a goal, in words."""
         counts = np.bincount(self.owner[seal], minlength=len(self.names))
         rows = [row for row in np.argsort(-counts, kind="stable").tolist() if counts[row]]
         names = list(dict.fromkeys(self.names[row] for row in rows))

@@ -1,4 +1,4 @@
-"""Balls inside the links: what no obstacle may enter, whatever the link's shape.
+"""Balls inside the links, which no obstacle may enter.
 
 A ball lies inside a solid if its centre does and no triangle of the solid's surface is closer than its radius. The
 centre is a proposal, the deepest point of a grid, moved on to where it is deeper; the radius is a proven lower bound.

@@ -44,7 +44,7 @@ class Departure:
 
     @property
     def excess(self) -> float:
-        """By how much it exceeds what is allowed [rad] or [m]; negative where it only could not be proven."""
+        """The excess over the tolerance [rad] or [m]; negative where it only could not be proven."""
         return self.found - self.allowed
 
     @property
@@ -136,7 +136,7 @@ class PathCheck:
         on: Callable[[Index, Array, Array], Valued],
         curve: Curve,
     ) -> tuple[Kept, list[Departure], int]:
-        """Prove one constraint, beginning with these parts of the motion; `on` is what it says on parts."""
+        """Prove one constraint, beginning with these parts of the motion; `on` is its form on parts."""
         intervals, configurations = len(curve) - 1, 0
         interval, start, width = spans
         travel = _travel(*curve.part(interval, start, width))

@@ -1,4 +1,4 @@
-"""Pairs of bodies placed along a curve, and what is measured of them: the common part of the distances at single
+"""Pairs of bodies placed along a curve, and their distances: the common part of the distances at single
 configurations (`configuration_distances`) and of the proof of a motion (`collision_proof`).
 """
 

@@ -1,4 +1,4 @@
-"""Places on a curve of poses in a loop of C: those of `PoseCurve.places`, to rounding the same."""
+"""Places on a curve of poses in a loop of C: those of `PoseCurve.places`, equal but for rounding."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ class Sizes(ReadOnly):
         return np.concatenate([self._shares(there, pairs, node, pair), [ROUND_UP * (moves @ self.joints)]])
 
     def _shares(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
-        """Return what `elsewhere` sums up (5, i) [m]."""
+        """Return the summands of `elsewhere` (5, i) [m]."""
         a, b = pairs.a[pair], pairs.b[pair]
         one, other = nodes.row(node, a), nodes.row(node, b)
         moved = nodes.moved[one] + nodes.moved[other]

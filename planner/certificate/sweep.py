@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdplan.planner.certificate.collision_proof import SHORTEST_INTERVAL, MotionProof, Proof
+from hdplan.planner.certificate.collision_proof import MOST_ITEMS, SHORTEST_INTERVAL, MotionProof, Proof
 from hdplan.planner.certificate.configuration_distances import ConfigurationDistances
 from hdplan.planner.certificate.placed_pairs import PlacedPairs, PreparedPairs, Spot
 from hdplan.planner.motion.curve import Curve
@@ -26,16 +26,21 @@ class Sweep(PreparedPairs):
 
     def are_clear(self, rows: Array, floor: Array, time: float = 0.0) -> Mask:
         """True (B,) where every pair is apart, at configurations (B, n) at a time [s], by what it must keep (P,) [m],
-        less what is unknown: what `distances` say, but no more is looked at than decides it."""
+        less what is unknown: what `distances` say, but no more is examined than decides it."""
         return ConfigurationDistances(self, rows, time).are_clear(floor)
 
-    def nearest(self, q: Array, within: float = np.inf, time: float = 0.0) -> tuple[Spot | None, Spot | None]:
-        """Return the closest pair of each group at one configuration q (n,) and time [s], exactly: by the surfaces, not
-        their hulls.
+    def nearest(self, rows: Array, times: Array, within: float = np.inf) -> list[tuple[Spot | None, Spot | None]]:
+        """Return the closest pair of each group at each of the configurations (k, n) and times (k,) [s], exactly: by
+        the surfaces, not their hulls.
 
         None for a group without a pair `within` [m].
         """
-        return ConfigurationDistances(self, q[None], time).nearest(within)
+        found: list[tuple[Spot | None, Spot | None]] = []
+        size = max(1, MOST_ITEMS // max(1, len(self.pairs.a)))
+        for first in range(0, len(rows), size):
+            some, when = rows[first : first + size], times[first : first + size]
+            found += ConfigurationDistances(self, some, when).nearest(within)
+        return found
 
     def hull_gap(self, q: Array, within: float, time: float = 0.0) -> float:
         """Return how far the hulls of the robot are from those of obstacles at one configuration q (n,) and time [s],
@@ -47,7 +52,7 @@ class Sweep(PreparedPairs):
         return ConfigurationDistances(self, q[None], time).witnesses(pair)
 
     def shares(self, curve: Curve, spot: Spot) -> Array:
-        """Return what each of the scene's sizes takes of the distance at a place (6,) [m], by `sizes.FIELDS`."""
+        """Return the share of each of the scene's sizes in the distance at a place (6,) [m], by `sizes.FIELDS`."""
         sizes = self.bodies.sizes
         assert sizes is not None
         placed = PlacedPairs(self, curve)
@@ -66,7 +71,7 @@ class Sweep(PreparedPairs):
         """Prove a motion, or find where it cannot be proven.
 
         `required` [m], one for each pair (P,) or one for all, is what pairs must keep; at 0 they must not touch. A
-        `suspect`, a waypoint interval and a fraction of it, is looked at first, and the first contact found anywhere
+        `suspect`, a waypoint interval and a fraction of it, is examined first, and the first contact found anywhere
         ends the search: failures are then not complete. What is neither proven nor refuted on the `shortest` part of a
         waypoint interval is not proven. Unless it is to be `measured` how far apart they are, what suffices is enough:
         the proven clearance is then no less than required, and may be far less than the closest distance.

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Status(Enum):
-    """The verdict; `remedy` says what to do about it."""
+    """The verdict; `remedy` is advice."""
 
     CERTIFIED = "certified"
     WRONG_ENDS = "wrong_ends"
@@ -209,7 +209,8 @@ def proven(
     path: Sequence[Kept],
     sized: bool = False,
 ) -> str:
-    """Say what is proven about a certified motion; clearances [m]. `sized`: in all worlds within the scene's sizes."""
+    """Return, in words, what is proven about a certified motion; clearances [m]. `sized`: in all worlds within the
+    scene's sizes."""
     obstacles = (
         "no obstacles to avoid" if clearance is None else f"at least {proven_length(clearance)} to every obstacle"
     )

@@ -199,7 +199,7 @@ def _placed(kinematics: KinematicsBatch, joint: Rows, points: Array) -> Array:
 
 
 def _spread(rows: Rows, values: Rows, count: int) -> Rows:
-    """Return what `values` say of rows, for `count` rows; 0 where they say nothing."""
+    """Return `values` of rows, for `count` rows; 0 for rows without a value."""
     result = np.zeros(count, dtype=np.int64)
     result[rows] = values
     return result

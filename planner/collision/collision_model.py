@@ -1,4 +1,5 @@
-"""The collision model of a robot, independent of the scene: kinematics, outer bodies, and which of them to keep apart.
+"""The collision model of a robot, independent of the scene: kinematics, outer bodies, and the pairs of them to keep
+apart.
 
 Robot -> `CollisionModel`, made once per robot in a process and reused by the next plan with the same robot.
 """

@@ -1,4 +1,4 @@
-"""Outer bodies with their faces and edges, kept on disk: to load what computes hulls takes longer than to plan."""
+"""Outer bodies with their faces and edges, kept on disk: loading the library for hulls takes longer than a plan."""
 
 from __future__ import annotations
 

@@ -141,7 +141,7 @@ def from_points(name: str, points: Array, placement: Array, planes: str = "box")
 @functools.lru_cache(maxsize=256)
 def _around_points(points: bytes, planes: str) -> tuple[ConvexBody, Array, Array, Array, Array]:
     """The hull of points, given as bytes, and the planes around it as `_placed` takes them: a mesh is the same in each
-    problem that is laid out for the last touches, and often at many places of a scene."""
+    problem that is assembled for the last touches, and often at many places of a scene."""
     cloud = np.frombuffer(points).reshape(-1, 3)
     frame = _box_frame(cloud)
     local = (cloud - frame[:3, 3]) @ frame[:3, :3]

@@ -211,7 +211,7 @@ def _moved(points: Array, placement: pin.SE3) -> Array:
 
 
 def _content(robot: Robot, link: str, item: pin.GeometryObject) -> tuple[str | bytes, ...]:
-    """Return what determines one geometry in the link's frame, for the cache's key."""
+    """Return the data that determine one geometry in the link's frame, for the cache's key."""
     place = _link_frame(robot, link).inverse() * item.placement
     rounded = np.round(np.hstack([place.rotation.ravel(), place.translation]), 9) + 0.0
     return type(item.geometry).__name__, rounded.tobytes(), (np.round(_outline(item), 9) + 0.0).tobytes()

@@ -136,7 +136,8 @@ class _Link:
         return max(mean / GOOD_MEAN, p95 / GOOD_P95) / self.slack
 
     def targets(self, slabs: int, axis: int) -> list[Target]:
-        """Return what the bodies of equal slabs along an axis are to contain; they may reach by REACH beyond."""
+        """Return the points that the bodies of equal slabs along an axis must contain; bodies may reach beyond by
+        REACH."""
         if (slabs, axis) not in self.cut:
             self.cut[slabs, axis] = self._slabs(slabs, axis) if slabs > 1 else [Target.of(self.points, self.points)]
         return self.cut[slabs, axis]

@@ -43,7 +43,7 @@ def _parts(bodies: tuple[Swept, ...], triangles: Array) -> list[Array]:
         corners, which = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)  # triangles share them
         within = [distance_to_hull(corners, body.vertices)[0] <= body.radius for body in bodies]
         corner = np.array(within)[:, which.ravel()].reshape(len(bodies), -1, 3)
-        if not corner.any(axis=0).all():  # one sticks out: halving would go on for ever
+        if not corner.any(axis=0).all():  # one sticks out: halving would continue for ever
             return []
         inside = corner.all(axis=2)  # (bodies, T)
         first = np.where(inside.any(axis=0), inside.argmax(axis=0), -1)

@@ -1,6 +1,7 @@
-"""Bodies of well-known robots that come with the package, and what was found about them, so that nobody waits for it.
+"""Bodies of well-known robots that come with the package, and the proofs about their pairs, so that nobody waits for
+them.
 
-They lie in files by content, as in the cache: a link that differs in anything is fitted anew. What was found are the
+They lie in files by content, as in the cache: a link that differs in anything is fitted again. What was found are the
 entries of the cache that take long to compute. `benchmarks/shipped_bodies.py` writes both; bodies that are there stay,
 so that no motion changes for it.
 """

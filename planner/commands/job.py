@@ -146,7 +146,7 @@ def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> i
 
 
 def run_plot_job(scene: Scene, trajectory: Path, output: Path) -> int:
-    """Draw the motion of a job. Returns the exit code: 0 whatever the verdict."""
+    """Draw the motion of a job. Returns the exit code: 0 for every verdict."""
     from hdplan.planner.job.sheet import plot_job
 
     motion = Trajectory.load(trajectory)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.causes import CAUSES
-from hdplan.planner.commands.watched import alone, also_seen, opened
+from hdplan.planner.commands.watched import alone, also_seen, opened, serving
 from hdplan.planner.motion.curve import row_count
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -37,7 +37,13 @@ if TYPE_CHECKING:
     Run = Callable[[Report, Stop], PlanResult]
 
 
-def run_plan(
+def run_plan(scene: str, request: Path | None, robot: str | RobotSpec | None, *, watched: bool, **options: Any) -> int:
+    """Plan as `planned`; browsers that see it are served until Ctrl-C."""
+    with serving(watched) as served:
+        return planned(scene, request, robot, served=served, **options)
+
+
+def planned(
     scene: str,
     request: Path | None,
     robot: str | RobotSpec | None,
@@ -52,7 +58,7 @@ def run_plan(
     time_limit: float | None,
     as_json: bool,
     quiet: bool,
-    served: contextlib.ExitStack | None = None,
+    served: contextlib.ExitStack | None,
 ) -> int:
     """Plan within a `time_limit` [s] for everything; without one, solving and certifying take at most SEARCH_TIME
     seconds. Browsers see it that are `served`.

@@ -1,4 +1,4 @@
-"""An arm as loops know it: its clock, what its joints measure, and where they are to be next.
+"""The interface of an arm for loops: its clock, the measured joints, and their next references.
 
 A simulated body has these (`mujoco_arm.MuJoCoArm`), and so has a real one, in some lines around its driver.
 """

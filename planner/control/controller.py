@@ -155,7 +155,7 @@ class Controller:
             ) from None
 
     def __repr__(self) -> str:
-        """Say for which robot it is, and what it keeps apart."""
+        """Return its robot and the number of its pairs, for display."""
         return f"<Controller of {self.robot.name}: every {self.settings.period:g} s, {self.barriers!r}>"
 
     @property

@@ -11,7 +11,7 @@ so that a blocked robot is not drawn through what blocks it. v, the velocity bes
 
 from which a joint can brake at e = 0, and nears it without passing it (`Rates.toward`), with half of the joint's
 acceleration A and jerk J; so it passes neither. The controller takes the velocity closest to u* that its
-barriers allow (`controller`). A trajectory that asks for more than the joints' limits is slowed evenly, a path without
+barriers allow (`controller`). A trajectory that requires more than the joints' limits is slowed evenly, a path without
 times is followed from rest to rest, at half of them or over the scene's `timing.duration` (`pacing`). The joints follow
 the commands smoothly, one period behind (`Run.executed`): that motion, with its velocities and accelerations, is saved,
 and certified as by `hdplan check`.
@@ -63,7 +63,7 @@ class Followed:
     away: float  # the farthest that a joint was from the trajectory at the same phase [rad] or [m]
     held: float  # how long it was HELD_UP_ERROR or more from it [s]
     unguarded: tuple[tuple[str, str], ...] = ()  # link pairs that the controller does not check
-    slowed: float = 1.0  # times as long as in the file: it asks for more than the limits allow
+    slowed: float = 1.0  # times as long as in the file: it requires more than the limits allow
 
     @property
     def succeeded(self) -> bool:
@@ -78,7 +78,7 @@ class Followed:
         return f"arrived after {self.arrived:.1f} s, {self.arrived - self.duration:.1f} s later than the trajectory"
 
     def rows(self) -> list[tuple[str, str]]:
-        """Return what happened as rows of a table."""
+        """Return the outcome as rows of a table."""
         seconds = self.run.step_seconds
         counted = ", ".join(f"{count} {mode.value}" for mode, count in self.run.counted.most_common())
         unguarded = ", ".join(f"{a} and {b}" for a, b in self.unguarded)
@@ -180,8 +180,8 @@ class FollowTask:
         error = wanted - q
         behind = float(np.abs(error).max())
         self.behind.append(behind)
-        pace = max(0.0, 1.0 - behind / STOPPING_LAG)
-        self.phase = min(self.phase + pace * period, self.duration)
+        share = max(0.0, 1.0 - behind / STOPPING_LAG)
+        self.phase = min(self.phase + share * period, self.duration)
         return np.eye(len(q)), -((self._at(self.phase) - wanted) / period + self._catching_up(error))
 
     def _catching_up(self, error: Array) -> Array:

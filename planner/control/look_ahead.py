@@ -1,4 +1,4 @@
-"""The check of a command before it is given: that the robot can brake from it without coming too close.
+"""The check of a command before it is sent: the robot can brake from it without coming too close.
 
 The way of a command is one period with its velocity, and then braking until rest (`window.Window.way`). It is accepted
 if on all of that way, at the ends of its periods, every Δ is at least its margin δ, or at least the least on the way on

@@ -1,4 +1,4 @@
-"""The loop between a motion and an arm, simulated or real: what is commanded, what is measured, and how far it is off.
+"""The loop between a motion and an arm, simulated or real: commands, measurements and errors.
 
 In every period the reference one period ahead is sent; what is measured is held against the reference of that moment.
 An arm that is farther off than it may be is stopped: what was proven says nothing of where it is then.
@@ -192,7 +192,7 @@ class Loop:
         """Return whether the arm may go over to a new command: where both are the same, or both stand, and the arm is
         as near to the new one as to the old one, or within its lags (n,). A command that comes so late that its motion
         has left the old one is passed over: the arm brakes along the old one, and the replanner, which then measures
-        that it is off, goes on from where it stands."""
+        that it is off, continues from where it stands."""
         one, other = old.at(now), new.at(now)
         if np.abs(one.positions - other.positions).max() <= SAME_COMMAND:
             return True
@@ -202,7 +202,7 @@ class Loop:
         return bool((np.abs(other.positions - q) <= np.maximum(np.abs(one.positions - q), lags)).all())
 
     def _run(self, reference: Reference, commands: Sequence[Command] = ()) -> Executed:
-        """Send references until they end, or until the arm is too far off; whatever goes wrong, the arm is stopped."""
+        """Send references until they end, or until the arm is too far off; on any error the arm is stopped."""
         began, rows, why, ended = self.arm.time(), list[tuple[Array, ...]](), "", False
         times: list[float] = []
         try:

@@ -1,7 +1,7 @@
-"""The lowest distances of pairs on a way, below their floors: what the look-ahead examines.
+"""The lowest distances of pairs on a way, below their floors, for the look-ahead.
 
 Inside a margin the HD-SDF's shaping is inverted (`barrier_safety.straightened`), as it gives no direction on its flat
-spot. The loop in C looks at every row once and keeps one for each pair, where NumPy makes arrays of all of them, in a
+spot. The loop in C examines every row once and keeps one for each pair, where NumPy makes arrays of all of them, in a
 tenth of the time; without a compiler, and for distances that have no loop, it is NumPy.
 """
 

@@ -7,7 +7,6 @@ pose only, so the second body's wrench is the opposite one, and a moving obstacl
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -88,13 +87,12 @@ class Moment(NamedTuple):
         """Return Δ of pairs (S,) at configurations (S,)."""
         return self._evaluated([level.outer.distance for _, level in self.layout.levels], sample, pair)
 
-    def nearness(self, sample: Rows, pair: Rows, far: float = np.inf) -> BarrierRows:
-        """Return the exact distance of the links' hulls in pairs (S,), without growth, as `rows`; beyond `far` [m] some
-        number above it. Nothing if the hulls are not known."""
+    def nearness(self, sample: Rows, pair: Rows) -> BarrierRows:
+        """Return the exact distance of the links' hulls in pairs (S,), without growth, as `rows`. Nothing if the hulls
+        are not known."""
         if not self.layout.exact:
             sample = pair = NO_ROWS
-        distances = [functools.partial(level.nearness, far) for _, level in self.layout.levels]
-        return self._evaluated(distances, sample, pair)
+        return self._evaluated([level.nearness for _, level in self.layout.levels], sample, pair)
 
     def _evaluated(self, distances: Sequence[Distance], sample: Rows, pair: Rows) -> BarrierRows:
         """Evaluate pairs by the distance of each level."""

@@ -1,4 +1,4 @@
-"""An arm in MuJoCo, to execute motions without a robot: made of hdplan's robot, or of a model file that the user has.
+"""An arm in MuJoCo, to execute motions without a robot: made of hdplan's robot, or of the user's model file.
 
 The model file's joints are found by their names, and have to stand where hdplan's robot has them; each planned one
 needs a position actuator of its own. MuJoCo is imported where it is used (extra `mujoco`).

@@ -1,4 +1,4 @@
-"""The pace of a motion that is followed: as fast as the joints' limits of velocity, acceleration and jerk allow.
+"""The speed of a followed motion: as fast as the joints' limits of velocity, acceleration and jerk allow.
 
 A motion in time exceeds a robot's limits where these are lower than the limits of its planning. Over
 s times its duration, velocities are 1/s of theirs, accelerations 1/s², jerks 1/s³, and its curve stays the same. One
@@ -24,7 +24,7 @@ LIMIT_SHARE = 0.8  # share of the other limits for its own, the rest for what it
 SMOOTH_DEGREE = 5  # degree of motions whose accelerations do not jump
 EXTRA_ROWS = 64  # beside the waypoints, so that it slows down evenly at its ends
 ROW_GAP = 1e-9  # share of the way between rows, at least
-NOTICED_EXCESS = 1e-3  # relative, by which a motion may ask for more than the limits before it is slowed
+NOTICED_EXCESS = 1e-3  # relative, by which a motion may require more than the limits before it is slowed
 
 
 def paced(path: Curve, rates: Rates, duration: float = 0.0) -> Curve:
@@ -59,13 +59,13 @@ def _along(rows: Array, places: Array, law: Array) -> tuple[Array, Array, Array]
 
 
 def slowness(motion: Curve, rates: Rates) -> float:
-    """Return how many times as long a motion with times has to take, so that it asks for no more than the rates; less
+    """Return how many times as long a motion with times has to take, so that it requires no more than the rates; less
     than 1 if it may be faster."""
     return _times_as_long(_largest(motion), (rates.velocity, rates.acceleration, rates.jerk))
 
 
 def feasible(motion: Curve, rates: Rates) -> Curve:
-    """Return a motion with times as it is, or slowed, if it asks for more than the rates."""
+    """Return a motion with times as it is, or slowed, if it requires more than the rates."""
     longer = slowness(motion, rates)
     if longer > 1.0 + NOTICED_EXCESS and motion.degree < SMOOTH_DEGREE:
         longer = slowness(motion, rates.scaled(LIMIT_SHARE))

@@ -1,4 +1,4 @@
-"""The rows of the controller's program: what every pair of bodies asks of the velocity u of the next period.
+"""The rows of the controller's program: the constraint of every pair of bodies on the velocity u of the next period.
 
 Where the robot would come to rest if it braked now, q_s at t_s, a pair with distance Δ and margin δ asks, by its
 derivatives there,

@@ -46,7 +46,7 @@ class ControlSettings(Checked):
 
     @property
     def clearance(self) -> float | None:
-        """True clearance [m] to obstacles that Δ ≥ δ proves at a sample, whatever their planes; for those of a scene
+        """True clearance [m] to obstacles that Δ ≥ δ proves at a sample, for all planes; for those of a scene
         `Barriers.clearance` proves more. None if nothing is proven."""
         return self._proven(self.margin, self.barriers.growth)
 

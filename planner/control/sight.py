@@ -62,7 +62,7 @@ class Sight:
             )
 
     def look(self, window: Window, time: float) -> Seen:
-        """Return what is seen at the beginning of a period [s]."""
+        """Return the sight at the beginning of a period [s]."""
         barriers, rate = self.barriers, self.settings.rate
         path = window.stopping[[0, -1]] if len(window.stopping) > 1 else window.stopping
         times = time + self.settings.period * np.linspace(0.0, len(window.stopping) - 1, len(path))

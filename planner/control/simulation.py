@@ -1,4 +1,4 @@
-"""A planned motion replayed: what the file commands, and, if the scene has torque limits, what the robot then does.
+"""A planned motion replayed: the file's commands, and, if the scene has torque limits, the robot's response.
 
 Scene and trajectory -> `Simulation`. Without `limits.torque` the replay is kinematic: the file is sampled as a
 controller would, a thousand times a second by its own interpolation rule. With it the robot and its loads are simulated
@@ -121,7 +121,7 @@ class Simulation:
         return None if done is None else measured_tracking(done.errors, done.velocity_errors)
 
     def summary(self) -> dict[str, Any]:
-        """Return the same as one JSON object: SI units; null where the scene has no such limit."""
+        """Return all of it as one JSON object: SI units; null where the scene has no such limit."""
         return {
             "status": "succeeded" if self.succeeded else "failed",
             "text": self.text,
@@ -274,7 +274,8 @@ def _closest(certifier: Certifier, positions: Array, times: Array) -> tuple[Clos
 
 
 def _overloaded(execution: Execution, limits: Array | None, robot: Robot) -> Iterator[str]:
-    """Say where the commanded torque first exceeds a limit, if there is one, and whether tracking is lost."""
+    """Return, in words, where the commanded torque first exceeds a limit, if there is one, and whether tracking is
+    lost."""
     if (
         limits is not None
         and (over := (shares := np.abs(execution.commanded) / limits).max(axis=1) > 1 + TORQUE_EXCESS).any()
@@ -292,7 +293,7 @@ def _overloaded(execution: Execution, limits: Array | None, robot: Robot) -> Ite
 
 
 def _off(execution: Execution, setup: Setup) -> Iterator[str]:
-    """Say which joint is farther off than the scene has it: what is proven is proven for less."""
+    """Return, in words, which joint is farther off than the scene's tracking error, for which the proof holds."""
     lag = setup.scene.robot.tracking
     for name, errors in (("position", execution.errors), ("velocity", execution.velocity_errors)):
         if lag is None or not getattr(lag, name):

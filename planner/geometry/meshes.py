@@ -1,4 +1,4 @@
-"""Triangle meshes: read from files, split into connected parts, and tested for what is inside.
+"""Triangle meshes: read from files, split into connected parts, and tested for points inside.
 
 A mesh file → vertices (m, 3) [m] and triangles (F, 3), merged into one mesh and checked: it has triangles, its numbers
 are finite and it is not flat.

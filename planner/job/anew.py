@@ -1,4 +1,4 @@
-"""The path of motions that overlap, timed anew.
+"""The path of overlapping motions, timed again.
 
 Two motions that add up keep their own laws: limits then hold on the sum only where both are slow, so that they can
 overlap for a while alone. Here nothing of them is kept but their path, and that is driven as quickly as the limits

@@ -1,4 +1,4 @@
-"""Stages of a job that go over into one another without a stop: their planned motions, as one.
+"""Stages of a job that pass into one another without a stop: their planned motions, as one.
 
 Curves that are blended into one another are timed as one motion from rest to rest along all of them (`compound`). Where
 a move is one of the two, they are blended by their timing: the second begins a while before the first has ended, and
@@ -7,7 +7,7 @@ in the meantime both add up,
     q(t) = q₁(t) + q₂(t − T₁ + τ) − q,    q where the first ends and the second begins,
 
 with the longest τ for which the link stays within the radius, and the limits hold, for which moves may be slowed; a
-shorter one, where that does not lead to a certificate. Where the path of such a sum, timed anew (`timed_anew`), is
+shorter one, where that does not lead to a certificate. Where the path of such a sum, timed again (`timed_anew`), is
 driven sooner, and certified, it takes its place. The marks of stages are at the middles of the blends; each is
 certified as it is driven.
 """
@@ -39,7 +39,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.planner.timing.tool_limit import Pace, ToolLimit
+from hdplan.planner.timing.tool_limit import ToolLimit, ToolRates
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Circle, Curve
 from hdplan.scenes.errors import HdplanError, InputError
@@ -55,7 +55,7 @@ TIME_FACTORS = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5)  # times as long as they w
 DENSITY_FACTORS = (1, 4, 12)  # times as many configurations along curves
 ROUNDING = 1e-9  # of a limit
 LEAST_ROW_GAP = 1e-4  # [s] least distance of an inserted row from others: rounding would count in accelerations
-BEYOND_MIDDLE = 0.2  # share of half a blend for which a pace is planned beyond its middle
+BEYOND_MIDDLE = 0.2  # share of half a blend for which a part's tool rates are planned beyond its middle
 STEPS = 8  # of looking for a row
 
 
@@ -161,8 +161,9 @@ def _ways(
     overlaps: Sequence[float],
     in_time: Callable[[], None],
 ) -> Iterator[list[Trajectory]]:
-    """Yield the motions of all stages: where units overlap, first along their sums, timed anew, from units that are not
-    slowed, and then these sums, the longest overlaps first; shorter ones lead to a certificate where these do not."""
+    """Yield the motions of all stages: where units overlap, first along their sums, timed again, from units that are
+    not slowed, and then these sums, the longest overlaps first; shorter ones lead to a certificate where these do
+    not."""
     if overlaps:
         yield from _sooner(worlds, group, runs, apart, _added(units, overlaps)[0], in_time)
     for share in OVERLAP_SHARES if overlaps else OVERLAP_SHARES[:1]:
@@ -170,7 +171,7 @@ def _ways(
 
 
 def _worlds(world: World, group: range, pieces: Sequence[Piece]) -> list[World]:
-    """Return what there is before each stage, curves beginning where the ones before would have late."""
+    """Return the world before each stage; a curve begins where the stage before would have ended."""
     assert world.scene.job is not None
     found, stages = [], world.scene.job.stages
     for number, piece in zip(group, pieces, strict=True):
@@ -225,9 +226,9 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
         )
         waypoints = Trajectory(robot.joint_names, rows, robot.locked)
         drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
-        paces = _paces(path, driven, first, last)
-        rated = any(each is not None for pace in paces for each in (pace.speed, pace.acceleration))
-        paced = (retimer.with_limit(ToolLimit(robot, path.link, paces)) if rated else retimer).with_speeds(
+        rates = _tool_rates(path, driven, first, last)
+        rated = any(each is not None for rate in rates for each in (rate.speed, rate.acceleration))
+        paced = (retimer.with_limit(ToolLimit(robot, path.link, rates)) if rated else retimer).with_speeds(
             speeds, np.asarray(path.middles), first, last
         )
         timed = paced.along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))
@@ -252,9 +253,9 @@ def _from_to(rows: Array, begins: Array | None, ends: Array | None) -> Array:
     return np.asarray(rows + off + (0.0 if ends is None else faded * (ends - rows[-1])))
 
 
-def _paces(path: Path, driven: Sequence[Driven], first: float, last: float) -> list[Pace]:
-    """Return the paces of a path between two lengths of it: each stage's from the middle of the blend before it to that
-    of the blend after it, planned for a little beyond both, as the law's averaging blurs where one ends."""
+def _tool_rates(path: Path, driven: Sequence[Driven], first: float, last: float) -> list[ToolRates]:
+    """Return the tool rates of a path between two lengths of it: each stage's from the middle of the blend before it to
+    that of the blend after it, planned for a little beyond both, as the law's averaging blurs where one ends."""
     found, middles = [], [0.0, *path.middles, path.cuts[-1]]
     for k, each in enumerate(driven):
         if middles[k + 1] <= first or middles[k] >= last:
@@ -265,7 +266,7 @@ def _paces(path: Path, driven: Sequence[Driven], first: float, last: float) -> l
         )
         begin, end = ((reach - first) / (last - first) for reach in reaches)
         begins = path.rows(np.array([middles[k]]))[0] if middles[k] > first else None
-        found.append(Pace(each.leg.speed, each.leg.acceleration, (begin, end), begins))
+        found.append(ToolRates(each.leg.speed, each.leg.acceleration, (begin, end), begins))
     return found
 
 
@@ -313,7 +314,7 @@ def _sooner(
     in_time: Callable[[], None],
 ) -> Iterator[list[Trajectory]]:
     """Yield the motions of all stages that are driven along the sums of units, as far as these may overlap by their
-    radii, timed anew, where that takes less time than a motion does; the quickest first. There are none where tools
+    radii, timed again, where that takes less time than a motion does; the quickest first. There are none where tools
     have speeds of their own, or curves are blended into one another: these need more than a path."""
     assert worlds[0].scene.job is not None
     curves = [stage for k in group if isinstance(stage := worlds[0].scene.job.stages[k], Curve)]

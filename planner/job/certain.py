@@ -1,5 +1,5 @@
-"""The motions of stages that leave no choice but how a redundant arm follows a curve: lines and other curves, fingers,
-outputs and waits."""
+"""The motions of stages without a choice, except for a redundant arm's way along a curve: lines and other curves,
+fingers, outputs and waits."""
 
 from __future__ import annotations
 

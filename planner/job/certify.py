@@ -1,5 +1,4 @@
-"""The certificate of a job: each stage by itself, from the job's scene and the motion that was driven, and nothing that
-planned them.
+"""The certificate of a job: each stage by itself, from the job's scene and the executed motion alone.
 
 What a stage is certified in, its `World`, follows from where the stages before it really ended: the arm there, objects
 held as they were taken, or lying where they were let go. Stages are parts of one curve, each of which begins at the row
@@ -323,7 +322,8 @@ def _settled(world: World, number: int, part: Trajectory) -> Corner:
 
 
 def _beyond_radius(world: World, number: int, robot: Robot, q: Array) -> str:
-    """Say how far from its goal a move goes over into the next stage; empty if that is within its radius."""
+    """Return, in words, how far from its goal a move passes into the next stage; empty if that is within its
+    radius."""
     assert world.scene.job is not None
     stage = world.scene.job.stages[number]
     assert isinstance(stage, Move)

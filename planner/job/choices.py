@@ -1,15 +1,15 @@
-"""The search over the choices of a job: stage after stage, each from where the last one ended, with another choice
-further back where one cannot be done.
+"""The search over the choices of a job: stage after stage, each from the end of the last one, with another choice
+further back where a stage fails.
 
 A stage whose goal leaves a choice (a pose with several configurations, several grasps) is tried with one configuration
 after the other, the most promising of each pose first. Before a motion to one is planned, the stages up to the next
-move of the arm are tried from there, and whether that move has a goal from which it goes on in the same way, as to set
-down what was taken by this grasp: motions cost more. All are looked at plainly first, with curves followed as steadily
-as the joints go, and only then again with ways along curves, which are dear. The first choice that leads to the end is
-taken. Lines, grips and waits leave no choice.
+move of the arm are tried from there, and whether that move has a goal from which it continues in the same way, as to
+set down what was taken by this grasp: motions cost more. All are examined plainly first, with curves followed as
+steadily as the joints go, and only then again with ways along curves, which are dear. The first choice that leads to
+the end is taken. Lines, grips and waits leave no choice.
 
-No choice takes all of the time: what is looked at before a motion, the motion, and all that follows it have a share of
-what is left then, where there are others to try. What was put off so is gone on with once the others have failed.
+No choice takes all of the time: what is examined before a motion, the motion, and all that follows it have a share of
+what is left then, where there are others to try. Postponed choices continue once the others have failed.
 
 Some errors in the input show only where a choice has led: an object out of a hand's reach, a curve without a length.
 They rule out that choice, and the next one is tried; one that alone ended what came farthest is raised.
@@ -68,7 +68,7 @@ class Aims:
         self._left = iter(goals)
 
     def __iter__(self) -> Iterator[JointTarget]:
-        """Yield what was found, and look for more."""
+        """Yield the motions found so far, and seek more."""
         for i in itertools.count():
             if i == len(self._found):
                 if (goal := next(self._left, None)) is None:
@@ -205,8 +205,8 @@ class Search:
                     yield piece, several
 
     def _goals(self, world: World, number: int) -> Aims | str:
-        """Return the configurations to which a move may lead, the best of each of its goals first, or say why there
-        are none; what was found once is kept."""
+        """Return the configurations to which a move may lead, the best of each of its goals first, or the reason why
+        there are none; results are kept."""
         kept = self._aims.setdefault(number, [])
         for before, found in kept:
             if before == world:
@@ -292,7 +292,7 @@ class Search:
             there = found.after
 
     def _leads_on(self, world: World, number: int, rounds: Sequence[bool]) -> str | None:
-        """Say why no goal of a move goes on to the next one; None if one does."""
+        """Return the reason why no goal of a move continues to the next one; None if one does."""
         goals, why = self._goals(world, number), ""
         if isinstance(goals, str):
             return goals

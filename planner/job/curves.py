@@ -33,9 +33,8 @@ HALF_TURN = 1e-3  # [rad] around half a turn, where a centre does not say which 
 
 
 def along_curve(world: World, number: int) -> dict[str, Any]:
-    """Return the goal and the path constraints of a stage. Raises InputError for a link that does not move, a frame
-    that there is not, an arc that is none, a curve that leads nowhere, for poses that begin elsewhere, and for blends
-    into what cannot be blended."""
+    """Return the goal and the path constraints of a stage. Raises InputError for a link that does not move, an unknown
+    frame, a degenerate arc, a curve without length, poses that begin elsewhere, and blends that are not possible."""
     assert world.scene.job is not None
     stage = world.scene.job.stages[number]
     assert isinstance(stage, Curve)

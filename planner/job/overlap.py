@@ -40,7 +40,7 @@ def overlapped(first: Trajectory, second: Trajectory, overlap: float) -> Traject
 
 
 def slowed(motion: Trajectory, factor: float) -> Trajectory:
-    """Return the same motion in so many times its time, beginning at time 0."""
+    """Return the motion slowed by a factor, beginning at time 0."""
     assert motion.times is not None
     assert motion.velocities is not None
     assert motion.accelerations is not None

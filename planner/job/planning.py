@@ -1,4 +1,4 @@
-"""Planning of a job: a search for motions of all its stages, which are blended, joined and certified as driven."""
+"""Planning of a job: a search for motions of all its stages, which are blended, joined and certified as executed."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def plan_job(
     failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces), interrupted)
 
     def late() -> str:
-        """Say why no more stages are blended, if so."""
+        """Return the reason why no more stages are blended, if so."""
         if interrupted or stop():
             return INTERRUPTED
         return f"the time limit of {time_limit:g} s passed before that was tried" if search.over() else ""
@@ -100,7 +100,7 @@ def plan_job(
 
 
 def _failure(search: Search, names: Sequence[str], done: int, interrupted: bool) -> str:
-    """Say which stage stopped the job, why, and what would help."""
+    """Return, in words, which stage stopped the job, why, and what would help."""
     if interrupted:
         return f"interrupted before stage '{names[done]}' was planned"
     if done not in {number for number, *_ in search.refused}:
@@ -109,7 +109,7 @@ def _failure(search: Search, names: Sequence[str], done: int, interrupted: bool)
 
 
 def _last(search: Search, done: int) -> str:
-    """Say why a stage could not be done: at last, of every goal that it has."""
+    """Return the reason why a stage could not be done: at last, of every goal that it has."""
     last = {goal: why for number, goal, why in search.refused if number == done}
     stage, goals_by = search.stages[done], dict[str, list[str]]()
     if isinstance(stage, Move) and isinstance(stage.goal, Goals) and any(last) and not search.over():

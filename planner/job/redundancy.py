@@ -4,7 +4,7 @@ be followed to its end, within the limits and free.
 At each of some places, layers of configurations are found: in closed form, with the joints that are held for it at
 values all over their limits (`self_motions`), or else by inverse kinematics from those of the place before and from
 random ones. The cheapest way through the layers, by the squares of the joints' steps, as shares of what the joints can
-do in a second, and by how close they come to their limits, is looked for by dynamic programming, as in Morgan, Millard
+do in a second, and by how close they come to their limits, is sought by dynamic programming, as in Morgan, Millard
 & Sukhatme, "CppFlow: Generative inverse kinematics for efficient and robust Cartesian path planning" (2024). Whether a
 configuration is free is checked only once a way leads through it; those near one that is not are left out with it,
 until nothing else leads further. Then the way is evened: the joints' steps are made as small as the poses let them be,
@@ -38,7 +38,7 @@ LEAST_LAYERS, MOST_LAYERS = 16, 300  # layers
 SPACING = 0.02  # [m] between layers, turns counted as lengths
 VALUES = (1, 96, 144, 216)  # of joints that are held for a closed form, by their number
 FIRST_CONFIGURATIONS = 300  # sought at the first place
-NEW_CONFIGURATIONS = 120  # sought anew at every other place
+NEW_CONFIGURATIONS = 120  # sought again at every other place
 KEPT_CONFIGURATIONS = 240  # kept at most at a place
 STEPS = 40  # of damped least squares
 LARGEST_STEP = 0.45  # [rad] or [m] that a joint may move from layer to layer
@@ -71,14 +71,14 @@ def ways_along(
     """Yield ways (layers, n) along a curve, the best first: from `start` (n,), or from wherever it can be begun, in
     which case each begins elsewhere. `quick` (n,) are the joints' greatest speeds; `finer` is how many times as many
     layers there are, and values of joints that are held for a closed form; `close`, whether there are more of these
-    where configurations would be far apart. Raises NotFollowedError, which says how far one gets, and how densely was
-    looked, where there is none."""
+    where configurations would be far apart. Raises NotFollowedError, with how far a way leads and how dense the search
+    was, where there is none."""
     count = int(np.clip(np.ceil(length / SPACING * finer), LEAST_LAYERS, MOST_LAYERS))
     poses, (low, high) = spread(follow, 2 * count - 1), inner_limits(robot)
     found = _configurations(robot, start, follow, poses_of(poses[::2]), np.random.default_rng(seed), finer, close)
-    pace = quick / quick.max()
-    layers = Layers(robot, found, pace)
-    places = Places.of(robot, follow, poses, pace, low, high)
+    speeds = quick / quick.max()
+    layers = Layers(robot, found, speeds)
+    places = Places.of(robot, follow, poses, speeds, low, high)
     farthest, yielded = 0.0, False
     for _ in range(MOST_WAYS):
         way = layers.cheapest()

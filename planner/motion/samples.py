@@ -1,4 +1,4 @@
-"""A motion read at times, as whoever executes it needs it: positions, velocities, accelerations, poses of a link.
+"""A motion read at times, for its execution: positions, velocities, accelerations, poses of a link.
 
 The values are those of the curve itself (`curve`), evaluated piece by piece, up to rounding; at a row of the trajectory
 they are the row's, to the bit.

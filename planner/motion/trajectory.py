@@ -110,7 +110,7 @@ class Trajectory:
             )
 
     def __repr__(self) -> str:
-        """Say how long it is, and which joints it moves."""
+        """Return its duration and joints, for display."""
         return f"<Trajectory: {self.extent} of {', '.join(self.joint_names)}>"
 
     @cached_property

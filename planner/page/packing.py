@@ -1,4 +1,4 @@
-"""Meshes as a page carries them: thinned where there are too many triangles, quantized, one after the other."""
+"""Meshes in a page: thinned where there are too many triangles, quantized, one after the other."""
 
 from __future__ import annotations
 

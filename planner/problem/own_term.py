@@ -1,4 +1,4 @@
-"""A term of one's own, in CasADi alone: a cost, a penalty or a hard constraint at each waypoint between the ends.
+"""A term of the user's own, in CasADi alone: a cost, a penalty or a hard constraint at each waypoint between the ends.
 
 In: expressions of a waypoint q_k (n,) and of the step d_k to the next. Out: a term like any other, in C, with CasADi's
 derivatives. With h = 1/(N − 1) and the sums over the N − 2 waypoints between the ends
@@ -227,7 +227,7 @@ class WrittenTerm(Term):
         return MotionPenalty(found.cost, spread, diagonal, coupling, found.depth)
 
     def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> None:
-        """Nothing at the samples."""
+        """Zero: the term has no part at the samples."""
 
     def second_order_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array]:
         """The same with all joints of the model."""
@@ -275,7 +275,7 @@ def hard_constraints(terms: Sequence[Term]) -> list[WrittenTerm]:
 
 
 def left(terms: Sequence[Term], positions: Array) -> tuple[str, ...]:
-    """Say which constraints among terms a motion (N, n) leaves, and how far."""
+    """Return, in words, which constraints among terms a motion (N, n) leaves, and how far."""
     found = [(term.name, term.excess(positions)) for term in hard_constraints(terms)]
     return tuple(
         f"term '{name}': its bounds are exceeded by {excess:.3g} at a waypoint"

@@ -268,7 +268,7 @@ class Problem:
         return self.kinematics.evaluate(self.robot.expand(configurations))
 
     def with_term(self, term: Term | OwnTerm) -> Problem:
-        """The same problem with one more term in its cost, the user's own: an `OwnTerm` in symbols, of the planned
+        """A copy of the problem with one more term in its cost, the user's own: an `OwnTerm` in symbols, of the planned
         joints, or a `Term` in numbers, of all joints of the model, those that follow others included. Raises InputError
         for an `OwnTerm` of other sizes, that is not twice differentiable, calls back into Python or has the name of
         another one."""
@@ -287,9 +287,9 @@ class Problem:
         return replace(self, terms=replace(self.terms, own=(*self.terms.own, term)))
 
     def with_cloud(self, points: ArrayLike | Cloud, name: str | None = None) -> Problem:
-        """The same problem with other points (m, 3) [m] in a cloud, as the next picture of a camera gives them, or with
-        another cloud in its place; its pose and, of points, its radius and all else stay, and what depends on the robot
-        alone is not built again.
+        """A copy of the problem with other points (m, 3) [m] in a cloud, as the next picture of a camera gives them, or
+        with another cloud in its place; its pose and, of points, its radius and all else stay, and what depends on the
+        robot alone is not built again.
 
         Points near the robot at the start of the problem's scene are left out if the cloud has `ignore_robot`. `name`
         says which cloud if there are several. Raises InputError for points that a `Cloud` refuses, and for a name that
@@ -300,14 +300,14 @@ class Problem:
         return seen_anew(self, points, name)
 
     def refined(self, intervals: list[int]) -> Problem:
-        """The same problem, sampled twice as densely on the given intervals."""
+        """A copy of the problem, sampled twice as densely on the given intervals."""
         counts = np.array(self.samples.counts)
         counts[intervals] *= 2
         return replace(self, samples=self.samples.raised(counts))
 
     def resampled(self, positions: Array) -> Problem:
-        """The same problem, sampled densely enough for a motion (N, n): no body's centre moves farther than SPACING
-        from one sample to the next."""
+        """A copy of the problem, sampled densely enough for a motion (N, n): no body's centre moves farther than
+        SPACING from one sample to the next."""
         kinematics = self.placed(positions)
         joints = [body.joint for body in self.bodies]
         centres = np.array([body.body.vertices.mean(axis=0) for body in self.bodies]).reshape(-1, 3)

@@ -121,7 +121,8 @@ class SymbolicPenalty:
         return [int(end) for end in np.cumsum([0, *each])]
 
     def place_of(self, obstacle: str, what: str) -> tuple[int, int]:
-        """Slice of the "pose" or the "size" of an obstacle among the parameters. Raises InputError where it is none."""
+        """Slice of the "pose" or the "size" of an obstacle among the parameters. Raises InputError where there is
+        none."""
         known = [each.name for each in self.obstacles]
         if obstacle not in known:
             raise InputError(f"{what}: no obstacle is named {obstacle!r}{nearest(str(obstacle), known)}")

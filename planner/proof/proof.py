@@ -1,4 +1,4 @@
-"""A certified motion → a proof that travels: a file that `hdplan.verify` checks without hdplan (docs/proof.md).
+"""A certified motion → its proof: a file that `hdplan.verify` checks without hdplan (docs/proof.md).
 
 The certificate says what can be proven; here the planes are found that prove nearly as much (SHORTS) by the
 checker's own bound. A mesh whose hull is too close is divided into groups of triangles, finer where that is needed.

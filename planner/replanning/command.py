@@ -1,4 +1,4 @@
-"""Commands: what a robot is to do from now on, whatever happens next."""
+"""Commands: the motion of a robot from now until standstill, whatever happens next."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Command(ReadOnly):
     seconds: float  # that the step took
 
     def __repr__(self) -> str:
-        """Say the mode, and why."""
+        """Return the mode and the reason, for display."""
         return f"<Command at {self.time:.6g} s: {self.mode.value}{f', {self.why}' if self.why else ''}>"
 
     def at(self, t: ArrayLike) -> Samples:

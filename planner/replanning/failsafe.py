@@ -54,7 +54,7 @@ class FailsafeMotions:
         self._last = dict.fromkeys(TARGET_SPEEDS, 0)  # the pair that held at the last step
 
     def of(self, nominal: Nominal, progress: Array, hopeful: bool = True) -> Iterator[Failsafe]:
-        """Yield motions that go on from s, ṡ, s̈ (3,), the farthest first; unless `hopeful` the shortest alone."""
+        """Yield motions that continue from s, ṡ, s̈ (3,), the farthest first; unless `hopeful` the shortest alone."""
         free = nominal.rests(float(progress[0]))
         for speed in TARGET_SPEEDS if hopeful else TARGET_SPEEDS[-1:]:
             for at in range(max(self._last[speed] - 1, 0), len(self.pairs)):

@@ -1,4 +1,4 @@
-"""The motion that is held: rows on the grid of the clock, up to standstill, and what was driven shortly before."""
+"""The current motion: rows on the grid of the clock, up to standstill, and those executed shortly before."""
 
 from __future__ import annotations
 

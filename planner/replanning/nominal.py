@@ -1,4 +1,4 @@
-"""The nominal motion: where the robot is to go, and how far it has come.
+"""The nominal motion: the way of the robot, and its progress.
 
 A motion q = P(s) that begins and ends at rest, in its own time s. It is driven by a law s(t): with ṡ = 1 as it was
 planned, and with ṡ → 0 the robot brakes along the same way. Another motion may take the place of its rest from a row s*

@@ -32,7 +32,7 @@ from hdplan.scenes.sizes import Uncertainty
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import checked, instance
 
-SHORTEST_PART = 2.0**-5  # of the time between two rows, for which a proof looks at a place: it has to be found quickly
+SHORTEST_PART = 2.0**-5  # of the time between two rows, for which a proof examines a place: it has to be found quickly
 LARGEST_UNCERTAINTY = 1.0  # [m] by which an obstacle may be uncertain; one that may be farther off may be anywhere
 
 
@@ -111,7 +111,7 @@ class Sightings:
         cloud: Cloud | Obstacle | None,
         poses: Mapping[str, AnyPose] | None,
     ) -> Sightings:
-        """Return the same with what was seen at a time. Raises InputError as `Replanner.update`."""
+        """Return a copy with what was seen at a time. Raises InputError as `Replanner.update`."""
         if at < self.at:
             raise InputError(f"at: must be no earlier than the last picture, {self.at:.6g} s, found {at:.6g} s")
         known, seen, clouded = dict(self.known), dict(self.seen), self.cloud

@@ -1,7 +1,7 @@
 """The replanner: at each moment it holds a motion that is proven until the robot stands.
 
-What is proven, and when. The motion that is held, H, is rows on a grid of the clock, up to standstill. `step` looks for
-another one, N, that leaves H at a row t₁ = t + period + latency: it goes on along the nominal motion for one more
+What is proven, and when. The motion that is held, H, is rows on a grid of the clock, up to standstill. `step` seeks
+another one, N, that leaves H at a row t₁ = t + period + latency: it continues along the nominal motion for one more
 period, and then brakes along the same way (`failsafe`). N is certified from t₁ until it stands, against the last
 picture, in every world within the sizes of the scene: what was seen at t₀ with a speed v is anywhere within v (τ − t₀)
 of there at the time τ (`picture`). Only then H becomes H until t₁ and N after it. In every other case, a late call, no
@@ -14,7 +14,7 @@ scene says of the world: that nothing is faster than its `uncertainty.speed`, th
 `robot.tracking` of the command, and that nothing that was in no picture comes into reach before a motion ends. What
 comes to a robot that stands is not its contact.
 
-Ways are looked for beside the steps (`outlook`), and only say where to go. They are not trusted.
+Ways are sought beside the steps (`outlook`), and only say where to go. They are not trusted.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class Replanner:
             period: [s] between two steps. A step that takes longer holds what was proven before.
             latency: [s] after a step until the robot executes its command.
             settling: [s] for which joints may still move, within `robot.tracking`, once the command stands.
-            clock: tells the time [s]; by default time goes on from a step's `t` as the processor's does.
+            clock: tells the time [s]; by default time continues from a step's `t` as the processor's does.
             executor: the executor of the search for ways; by default a thread of the replanner's own.
 
         Raises InputError for errors in the scene or robot, and for a scene that says when its motion has to end.
@@ -153,7 +153,7 @@ class Replanner:
         self._picture = Picture(self._seen, self.robot, start)
 
     def __repr__(self) -> str:
-        """Say for which robot it is."""
+        """Return its robot, for display."""
         return f"<Replanner of {self.robot.name}: every {self._period:g} s>"
 
     @property
@@ -288,7 +288,7 @@ class Replanner:
             raise InputError("the replanner is closed: its last command stays safe, and a new replanner goes on")
 
     def _ask(self, row: int, moves: bool) -> None:
-        """Ask about the way, for a course that goes on from a row of the clock."""
+        """Request a check of the way, for a course that continues from a row of the clock."""
         self._ways.ask(self._scene, self._seen, self._now, self._horizon, self._held, self._course, row, moves)
 
     # --- a step -------------------------------------------------------------------------------------------------------
@@ -315,7 +315,7 @@ class Replanner:
             self._ways.forget(reaches=True)
 
     def _hindrance(self, picture: Picture, now: float) -> str:
-        """Say why nothing can be proven in this step; nothing if something may."""
+        """Return the reason why nothing can be proven in this step; nothing if something may."""
         if self._off:
             return self._off
         if self._measured is not None:

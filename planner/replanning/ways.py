@@ -1,4 +1,5 @@
-"""Ways that are requested beside the steps: when one is requested, what was answered, and where the robot joins it."""
+"""Ways that are requested beside the steps: the time of a request, its answer, and the place where the robot joins
+it."""
 
 from __future__ import annotations
 

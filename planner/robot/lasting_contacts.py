@@ -49,8 +49,8 @@ def _pairs(value: Any) -> tuple[set[LinkPair], set[LinkPair]]:
 
 
 def _content(robot: Robot, pairs: Iterable[LinkPair]) -> Parts | None:
-    """Return what determines the result: the tree, the limits, the joints that follow others, the pairs, and their
-    links' geometry; None where a geometry is of an unknown kind."""
+    """Return the data that determine the result: the tree, the limits, the joints that follow others, the pairs, and
+    their links' geometry; None where a geometry is of an unknown kind."""
     model = robot.model
     limits = (robot.lower, robot.upper, model.lowerPositionLimit, model.upperPositionLimit)
     parts: Parts = [*tree_content(model), *(limit.tobytes() for limit in limits)]

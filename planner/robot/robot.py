@@ -93,7 +93,7 @@ class Robot:
 
     @cached_property
     def unfolded(self) -> Robot:
-        """The same robot with followers as joints like any other, within what the planned ones' limits leave them;
+        """A copy of the robot with followers as ordinary joints, within what the planned ones' limits leave them;
         itself where nothing follows. Its configurations are those of `expand`."""
         if self.linkage is None:
             return self

@@ -147,8 +147,8 @@ def _robot_at_start(robot: Robot, scene: Scene, links: tuple[str, ...]) -> Seque
 
 
 def _within(geometry: Any, pose: Array, points: Array, margin: float, candidates: Mask) -> Mask:
-    """Tell which of the points (m, 3) are within `margin` [m] of a solid, or in it. A doubtful point is not: it stays
-    an obstacle.
+    """Return a mask of the points (m, 3) that are within `margin` [m] of a solid, or in it. A doubtful point is not: it
+    stays an obstacle.
 
     A distance changes by no more than one moves: that of the middle of a small cube settles most of the points in it.
     """
@@ -176,8 +176,8 @@ def _within(geometry: Any, pose: Array, points: Array, margin: float, candidates
 
 
 def _half_surrounded(geometry: Any, pose: Array, points: Array, candidates: Mask) -> Mask:
-    """Tell which of the points (m, 3) a mesh with holes surrounds by more than half; none for other solids, and for
-    one-sided meshes, which have no inside."""
+    """Return a mask of the points (m, 3) that a mesh with holes surrounds by more than half; none for other solids, and
+    for one-sided meshes, which have no inside."""
     found = np.zeros(len(points), dtype=bool)
     if not isinstance(geometry, coal.BVHModelBase) or not (solid := _solid(geometry)).open:
         return found
@@ -191,7 +191,7 @@ def _half_surrounded(geometry: Any, pose: Array, points: Array, candidates: Mask
 
 @functools.lru_cache(maxsize=64)
 def _solid(geometry: Any) -> Solid:
-    """Return what a mesh bounds."""
+    """Return the solid that a mesh bounds."""
     return Solid(mesh_of(geometry))
 
 

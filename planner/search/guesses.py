@@ -95,7 +95,7 @@ def _guesses(search: Search, seed: int, warm: Guess | None, core: IdleCore) -> I
 
 
 def _tree_guesses(problem: Problem, required: float, seed: int, over: Callable[[], bool]) -> Iterator[Guess | None]:
-    """Yield what trees of free lines find in a problem with exact distances, and None where they go on growing."""
+    """Yield the ways of trees of free lines in a problem with exact distances, and None while they grow."""
     if problem.terms.path:
         from hdplan.planner.search.held_trees import held_ways  # imported here, as few scenes have path constraints
 

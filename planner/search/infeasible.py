@@ -1,4 +1,4 @@
-"""A search that fails asks, beside its guesses, whether there is any motion to be found."""
+"""Proofs within a failing search, beside its guesses, that no motion exists."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ def _with_families(robot: Robot, target: PoseTarget, met: Array, exact: Array, s
 
 
 def _searched(robot: Robot, target: PoseTarget, met: Array, start: Array, every: bool) -> Array:
-    """Return what is `met`, and what a search from many starts leads to, each proven."""
+    """Return the `met` configurations, and those of a search from many starts, each proven."""
     for look in (_near, reaching):
         if every or not len(met):
             found, _ = look(robot, target, start, np.random.default_rng(0))
@@ -150,13 +150,14 @@ def _proven(robot: Robot, target: PoseTarget, q: Array) -> Array:
 
 
 def _from_start(robot: Robot, target: PoseTarget, start: Array) -> Array:
-    """Return what `start` alone leads to, where that hardly differs from it: most often the nearest of all."""
+    """Return the configuration reached from `start` alone, where it hardly differs from it: most often the nearest of
+    all."""
     found, _ = _reached(Aim.at(robot, target), np.empty((0, robot.n)), start)
     return found[:1] if len(found) and np.abs(found[0] - start).max() <= LEAST_DIFFERENCE else found[:0]
 
 
 def _near(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator) -> tuple[Array, tuple[Miss, ...]]:
-    """Return what `reaching` returns, from few starts around `start`, among which the nearest of all most often is."""
+    """Return the result of `reaching` from few starts around `start`, among which the nearest of all most often is."""
     wide = np.minimum(SEED_SPREAD, 0.5 * (robot.upper - robot.lower))
     middle = np.clip(start, robot.lower, robot.upper)
     return _reached(Aim.at(robot, target), middle + wide * rng.normal(size=(SEED_STARTS - 1, robot.n)), start)
@@ -180,9 +181,9 @@ def reaching(
 
 
 def every_branch(robot: Robot, target: PoseTarget | AllOf, start: Array) -> tuple[Array, tuple[Miss, ...]]:
-    """Return what `reaching` does, without a search: of an arm whose every branch a closed form gives, each as near to
-    `start` as the tolerances allow. No configuration, and no miss, for other arms and families, and for a pose that is
-    out of reach but for its tolerances."""
+    """Return the result of `reaching` without a search: for an arm whose every branch has a closed form, each as near
+    to `start` as the tolerances allow. No configuration, and no miss, for other arms and families, and for a pose that
+    is out of reach but for its tolerances."""
     form = closed_form(robot, target) if isinstance(target, PoseTarget) else None
     if not isinstance(target, PoseTarget) or form is None or form.redundant:
         return np.empty((0, robot.n)), ()
@@ -247,8 +248,8 @@ def _centred(aim: Aim, q: Array) -> Array:
 
 
 def _drawn_near(aim: Aim, q: Array, start: Array) -> Array:
-    """Move configurations (B, n) that reach the aim towards `start` as far as they go on reaching it: along the arm's
-    self-motion and its free rotations, the part of the way that moves no link that counts."""
+    """Move configurations (B, n) that reach the aim towards `start` as far as they continue reaching it: along the
+    arm's self-motion and its free rotations, the part of the way that moves no link that counts."""
     if aim.loops:
         return aim.loops.draw_near(q, start, DRAWS, BACK, ENOUGH)
     error, jacobian = aim.linearized(q)

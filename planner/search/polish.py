@@ -1,6 +1,6 @@
 """Better motions, in rounds: each improves one motion, and its result is kept only if it is certified and better.
 
-Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is, where
+Better is less of what `Scene.objective` requires (`objective`). The first round improves the motion as it is, where
 time counts before its certificate, which is for what comes of it (`first_motion`). Each that follows improves the most
 promising of what is left (`Ways`) and of MORE motions from further guesses, to each goal in turn, or of WAYS where
 nothing is left, none of which is one of those before (SAME_WAY): perhaps there is a better way around, or a better

@@ -40,7 +40,7 @@ class SceneClearance:
     unresolved: tuple[tuple[str, str], ...]
 
     def __repr__(self) -> str:
-        """Say how many pairs there are, and what may move."""
+        """Return the number of pairs and the movable obstacles, for display."""
         return f"<SceneClearance: {len(self.pairs)} pairs, movable: {', '.join(self.movable) or 'none'}>"
 
 

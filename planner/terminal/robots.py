@@ -141,7 +141,7 @@ def describe(name: str | RobotSpec) -> dict[str, Rows]:
 
 
 def _inverse_kinematics(robot: Robot) -> list[str]:
-    """Say how configurations of the end effector, if there is one, are found."""
+    """Return, in words, how configurations of the end effector, if there is one, are found."""
     try:
         target = PoseTarget(end_effector(robot, "link"), Pose())
     except InputError:

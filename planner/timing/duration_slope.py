@@ -64,8 +64,8 @@ class SlopedLimit(Protocol):
 
 
 def duration_slope(waypoints: Array, limits: Sequence[SlopedLimit]) -> tuple[float, Array]:
-    """Return the duration [s] of the fastest law along waypoints (N, n), whatever its jerk, and its derivative (N, n)
-    by them; limits are those that the law knows. Raises HdplanError if there is none."""
+    """Return the duration [s] of the fastest law along waypoints (N, n), regardless of its jerk, and its derivative (N,
+    n) by them; limits are those that the law knows. Raises HdplanError if there is none."""
     basis = _basis(len(waypoints))
     path = OnGrid(*(basis @ waypoints))
     given = [(limit, rows) for limit in limits if (rows := limit.rows(path)) is not None]

@@ -9,7 +9,7 @@ twice differentiable, with the polyline's ends, and within its hull, so within t
 
 *The time law* (`time_laws`). The fastest one within the limits but jerk (`time_optimal`) is averaged over a window of
 whole rows, then stretched in time until every limit holds on the executed curve (`limits`), which takes one look, as a
-stretch changes no shape, except for the rounding of its rows: that is looked at last. Of several windows the one with
+stretch changes no shape, except for the rounding of its rows: that is examined last. Of several windows the one with
 the shortest motion is chosen. With `timing.duration` it is the minimum-jerk law; only if that violates a limit and no
 obstacle moves, it is the fastest law, stretched to the duration.
 
@@ -101,7 +101,7 @@ class Retimer:
             self.rate = self.ends.rate
 
     def with_limit(self, limit: TimingLimit) -> Retimer:
-        """Return the same with one more limit."""
+        """Return a copy with one more limit."""
         found = copy.copy(self)
         found.limits = (*self.limits, limit)
         return found
@@ -123,7 +123,7 @@ class Retimer:
         return least_time(goal - start, self.rates)
 
     def quickest_along(self, path: Array) -> float:
-        """The time [s] of the fastest law along waypoints (N, n), whatever its jerk; ∞ where there is none."""
+        """The time [s] of the fastest law along waypoints (N, n), regardless of its jerk; ∞ where there is none."""
         if np.ptp(path, axis=0).max() < LEAST_TRAVEL:
             return 0.0
         try:
@@ -148,8 +148,8 @@ class Retimer:
         return duration / self.timing.scale, slope * (within == path) / self.timing.scale
 
     def too_short(self, start: Array, goal: Array) -> str | None:
-        """Say why no motion between two configurations (n,) at rest is as short as the scene's duration; None if one
-        may."""
+        """Return the reason why no motion between two configurations (n,) at rest is as short as the scene's duration;
+        None if one may."""
         if self.timing.duration is None or self.ends is not None:
             return None
         least = least_times(goal - start, self.rates)
@@ -186,8 +186,8 @@ class Retimer:
         yield self._joined(of_rows(count), lead, trail)
 
     def _of_rows(self, path: Trajectory) -> tuple[Callable[[int], Timed], int]:
-        """Return what times a path, from rest to rest, in so many intervals between rows, and the least number of them;
-        0 where the scene's duration says how many there are."""
+        """Return the timing of a path, from rest to rest, in so many intervals between rows, and the least number of
+        them; 0 where the scene's duration says how many there are."""
         if self.timing.duration is not None:
             return lambda count: cast(Timed, self._from_rest(path, count / self.rate)), 0
         spline = smooth(self._inset(path.positions))
@@ -353,7 +353,7 @@ class Retimer:
         return time_optimal([rows._replace(c=squares * rows.c) for rows in parts])
 
     def _check_rows(self, duration: float, rows: float = 0.0) -> None:
-        """Refuse a motion with more rows than are allowed, those that the rate asks for or more, before computing
+        """Refuse a motion with more rows than are allowed, those that the rate requires or more, before computing
         them."""
         rate, rows = self.rate, max(rows, duration * self.rate)
         if not rows < MOST_ROWS:

@@ -101,7 +101,7 @@ def time_optimal(limits: Sequence[PathRows]) -> Stepwise:
 
 
 def fastest(limits: Sequence[PathRows]) -> FastestLaw:
-    """Return the same, and what bounds it."""
+    """Return the fastest law, and the lines that bound it."""
     none = np.zeros((GRID + 1, 0))
     a, b, c = (np.hstack(values) for values in zip(PathRows(none, none, none), *limits, strict=True))
     held, pushed = np.full((GRID + 1, 2), NO_LINE, dtype=np.int64), np.full(GRID + 1, NO_LINE, dtype=np.int64)

@@ -1,5 +1,4 @@
-"""Whole problems in JAX: the cost of motions, for any number of problems and guesses at once, on whatever device there
-is.
+"""Whole problems in JAX: the cost of motions, for any number of problems and guesses at once, on any device.
 
 A pure function of arrays without callbacks, for `jit`, `vmap` and `grad` in any order. It has the planner's own pairs,
 margins and samples, and is held to `Problem.evaluate`.
@@ -48,7 +47,7 @@ class JaxCost:
     tables: Tables
 
     def __repr__(self) -> str:
-        """Say the sizes."""
+        """Return the sizes, for display."""
         count = f"{len(self.tables.smoothness)} problems" if self._several else "one problem"
         pairs, samples = sum(table.place.shape[-1] for table in self.tables.pairs), self.tables.share.shape[-1]
         return f"<JaxCost of {count}: {self.structure.waypoints} waypoints, {pairs} pairs at {samples} samples>"

@@ -1,4 +1,4 @@
-"""The layer "separating plane": what the proof of the active motion says about the closest pair, moment by moment.
+"""The layer "separating plane": the plane of the active motion's proof for the closest pair, moment by moment.
 
 Without a proof's file, one is written when the layer is on and the motion is certified, by a thread of its own: that
 takes up to seconds. A proof is of one motion in one scene; when either changes, the plane goes until there is another.

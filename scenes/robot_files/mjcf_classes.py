@@ -1,4 +1,4 @@
-"""Default classes of an MJCF: what an element says where it says nothing itself."""
+"""Default classes of an MJCF: the values of attributes that an element omits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MJCF of several files as one: each `include` is replaced by what stands in the file that it names.
+"""MJCF of several files as one: each `include` is replaced by the content of its file.
 
 As MuJoCo does it: a file's root element falls away, its content takes the place of the `include`; names of files are
 relative to the folder of the main file, or else to that of the file that names them; each file counts once.

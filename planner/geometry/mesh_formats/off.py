@@ -15,7 +15,7 @@ _COLORS = (0, 1, 3, 4)  # numbers that may follow a face: none, the row of a map
 
 
 def read_off(data: bytes) -> Triangles:
-    """Read an OFF file. Raises InputError for whatever is not known in it, such as a fourth coordinate (4OFF), other
+    """Read an OFF file. Raises InputError for anything unknown in it, such as a fourth coordinate (4OFF), other
     dimensions (nOFF) and OFF BINARY."""
     lines = list(lines_of_words(text_of(data)))
     if not lines or not (kind := _FIRST.fullmatch(lines[0][1][0])):

@@ -66,7 +66,7 @@ Numbers = Callable[[Sequence[str]], Sequence[float]]  # what reads words
 
 
 def read_ply(data: bytes) -> Triangles:
-    """Read a PLY file. Raises InputError for whatever is not known in it: elements with rows, properties,
+    """Read a PLY file. Raises InputError for anything unknown in it: elements with rows, properties,
     lists, and lines or bytes that are left over."""
     order, elements, begin = _header(data)
     for element in elements:

@@ -30,7 +30,7 @@ _NOT_FINITE = re.compile(r"[-+]?(?:nan|inf)(?:inity)?(?:\([a-z0-9]*\))?|[-+]?1\.
 
 
 def read_stl(data: bytes) -> Triangles:
-    """Read an STL file. Raises InputError for whatever is not known in it.
+    """Read an STL file. Raises InputError for anything unknown in it.
 
     It is binary where its length is what its number of triangles says, as in every reader; no text of less than 7 GB
     is that by accident.

@@ -45,6 +45,7 @@ def planned() -> tuple[hdplan.Scene, Trajectory]:
     return scene, result.trajectory
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda_carry", "ur5_ceiling", "ur5_payload", "xarm7_post", "kinova_shelf"])
 def test_it_has_the_mechanics_of_the_robot(name: str) -> None:
     """Mass matrix, gravity and Coriolis forces, at random configurations and speeds; with loads, from the ceiling."""

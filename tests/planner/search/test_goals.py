@@ -291,6 +291,7 @@ def bytes_of(result: PlanResult) -> Any:
     return summary, result.trajectory.positions.tobytes(), result.steps
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("name", "link"), [("ur5_table", "tool0"), ("panda_cage", "panda_hand")])
 def test_goals_come_in_turn_as_if_all_had_been_checked(name: str, link: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The best of each target first, then the second ones; some are never computed before the first one is there."""

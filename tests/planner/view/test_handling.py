@@ -76,6 +76,7 @@ def file(path: Path, name: str | None = None) -> SimpleNamespace:
     return SimpleNamespace(name=name or path.name, content=path.read_bytes())
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("word", scene_edits.NEW)
 def test_an_obstacle_is_added_named_resized_duplicated_and_deleted(viewer: Viewer, word: str) -> None:
     first = viewer.scene
