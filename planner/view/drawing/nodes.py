@@ -59,7 +59,7 @@ class LinkNode:
 
     @property
     def place(self) -> Array:
-        """Where the frame of its joint is (4, 4)."""
+        """The pose (4, 4) of its joint's frame."""
         return np.asarray(self.data.oMi[self.skin.joint].homogeneous)
 
 
