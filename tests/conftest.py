@@ -58,7 +58,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Collect without collecting garbage: of the tests' ten thousand objects there is none, and each is looked at."""
+    """Collect without collecting garbage: the tests' ten thousand objects hold none, and each pass visits all."""
     gc.disable()
     try:
         return (yield)

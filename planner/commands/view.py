@@ -17,6 +17,7 @@ from hdplan.planner.terminal.interrupts import until_ctrl_c
 from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import table
 from hdplan.planner.view.front import check_files, check_installed, check_proof, is_loopback, motion_names
+from hdplan.planner.view.watch import Seen, Source, Watch, seen, seen_meshes
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
@@ -31,7 +32,7 @@ HOST, PORT = "127.0.0.1", 8080  # unless others are given: this machine alone
 
 def run_view(
     scene: str,
-    trajectories: Sequence[Path],
+    trajectories: Sequence[Path] | None,
     request: Path | None,
     robot: str | RobotSpec | None,
     *,
@@ -43,20 +44,24 @@ def run_view(
     share: bool = False,
 ) -> int:
     """Serve until Ctrl-C, or write the page `record` and the film `video`. Returns the exit code: 0."""
+    trajectories = trajectories or []
     if record is not None or video is not None:
         served = {"--host": host, "--port": port, "--proof": proof, "--share": share or None}
         check_files(record, video, trajectories, [option for option, value in served.items() if value is not None])
         return _write(load_scene(scene, request=request, robot=robot), trajectories, record, video)
-    problem = load_scene(scene, request=request, robot=robot)
+    load = partial(load_scene, scene, request=request, robot=robot)
+    files = seen([find_scene(scene), *([] if request is None else [request])])
+    problem = load()
+    meshes = seen_meshes(problem)
     check_installed()
     host, port = HOST if host is None else host, PORT if port is None else port
     if problem.job is not None:
         if proof is not None:
             raise InputError(f"--proof: {proof} is drawn for a single motion, and this scene holds a job: leave it out")
-        again = partial(load_scene, scene, request=request, robot=robot)
-        return _serve_job(problem, find_scene(scene), again, trajectories, host, port, share)
+        return _serve_job(problem, load, files, meshes, trajectories, host, port, share)
     if proof is not None:
         check_proof(proof, trajectories, robot)
+    motion_files = seen(trajectories)
     motions = _loaded(trajectories)
     read = None
     if proof is not None and not isinstance(robot, RobotSpec):
@@ -81,11 +86,11 @@ def run_view(
             with contextlib.closing(viewer):
                 if read is not None:
                     viewer.show_proof(read)
-                files = [find_scene(scene), *([] if request is None else [request])]
                 watch = viewer.panel.opening.follow(
-                    lambda: load_scene(scene, request=request, robot=robot),
+                    load,
                     files,
-                    [(name, file) for (name, _), file in zip(motions, trajectories, strict=True)],
+                    meshes,
+                    {name: {file: motion_files[file]} for (name, _), file in zip(motions, trajectories, strict=True)},
                 )
                 with contextlib.closing(watch):
                     threading.Event().wait()
@@ -105,8 +110,9 @@ def _tell(problem: Scene, viewer: Served, host: str, port: int, share: bool) -> 
 
 def _serve_job(
     problem: Scene,
-    file: Path,
-    again: Callable[[], Scene],
+    load: Callable[[], Scene],
+    files: Seen,
+    meshes: Seen,
     trajectories: Sequence[Path],
     host: str,
     port: int,
@@ -114,22 +120,21 @@ def _serve_job(
 ) -> int:
     """Serve a job until Ctrl-C, and follow its files. Returns the exit code: 0."""
     from hdplan.planner.view.server import open_job_viewer  # needs viser
-    from hdplan.planner.view.watch import Source, Watch
 
+    motion_files = seen(trajectories)
     motion = _one_motion(problem, _loaded(trajectories))[1] if trajectories else None
     with waiting(LOADING):
         viewer = open_job_viewer(problem, motion, host=host, port=port, share=share, complain=complain)
 
-    def follow(read: Callable[[], object]) -> None:
+    def read_motion() -> None:
         try:
-            read()
+            viewer.take_motion(Trajectory.load(trajectories[0]))
         except HdplanError as error:
             viewer.refuse(error)
 
-    sources = [Source(lambda: [file], lambda: follow(lambda: viewer.take_scene(again())))]
+    sources = [Source.of_scene(files, meshes, load, viewer.take_scene, viewer.refuse)]
     if trajectories:
-        read = partial(Trajectory.load, trajectories[0])
-        sources.append(Source(lambda: [trajectories[0]], lambda: follow(lambda: viewer.take_motion(read()))))
+        sources.append(Source(motion_files, read_motion))
     with contextlib.closing(viewer), contextlib.closing(Watch(sources)), until_ctrl_c():
         _tell(problem, viewer, host, port, share)
         threading.Event().wait()

@@ -1,4 +1,4 @@
-"""Edits from the panel: each is a step that can be undone, or refused in one line, with nothing changed.
+"""Edits from the panel: each is one step that can be undone, or is refused in one line and changes nothing.
 
 The same field edited again at once (a slider dragged) belongs to the same step, as does more of a value that is typed,
 however long the hand rests, until another field is entered. A value that is typed is taken digit by digit; where more
@@ -104,6 +104,14 @@ class Editing:
             if self._last.typed and self._viewer.edited is self._last.edited:
                 self._forget()
             raise InputError(words)
+
+        self.do(job)
+
+    def fail(self, error: HdplanError) -> None:
+        """Report what went wrong elsewhere. By any thread."""
+
+        def job() -> None:
+            raise error
 
         self.do(job)
 

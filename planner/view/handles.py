@@ -34,6 +34,7 @@ class Handles:
         self.others: tuple[Thing, ...] = ()  # obstacles that are selected, too
         self.turn = 0  # how often another thing was selected
         self._begin: Edited | None = None  # what it was when dragging began
+        self._hand: int | None = None  # the browser that moved the handle last
         self._moving = False  # whether the change under way is the hand's
         self._at: Pose | None = None  # where the hand, or `place`, has put the handle
         self.choice = viewer.server.gui.add_dropdown(
@@ -57,8 +58,13 @@ class Handles:
         return tuple(each.name for each in (*self.others, *last) if each.kind == "obstacle")
 
     def release(self) -> None:
-        """Let go of what is dragged, if anything is: its browser may be gone. By any thread."""
+        """Let go of what is dragged, if anything is. By any thread."""
         self._viewer.worker.ask("let go", self.let_go)
+
+    def left(self, browser: int) -> None:
+        """Let go of what a browser drags that is gone. By any thread."""
+        if browser == self._hand:
+            self.release()
 
     def deselect(self) -> None:
         """Select nothing. By any thread."""
@@ -179,6 +185,7 @@ class Handles:
 
     def _dragged(self, event: Any) -> None:
         """Handle a browser's event."""
+        self._hand = event.client_id
         self._viewer.worker.ask("drag", lambda: self._follow(event.target))
         if event.phase == "end":
             self.release()

@@ -25,6 +25,7 @@ class JobHandles:
         self._viewer = viewer
         self._selected: str | None = None  # its label: things are others after each change
         self._dragging = False
+        self._hand: int | None = None  # the browser that moved the handle last
         self._handle: Any = None
         self._handles = 0  # so far
         self.choice = viewer.server.gui.add_dropdown(
@@ -34,7 +35,7 @@ class JobHandles:
         viewer.stage.standing.on_click(
             lambda name, more: viewer.worker.ask("select", lambda: self.select_obstacle(name))
         )
-        viewer.server.on_client_disconnect(lambda _: self.release())  # perhaps while it dragged
+        viewer.server.on_client_disconnect(lambda client: self.left(client.client_id))
 
     @property
     def thing(self) -> Movable | None:
@@ -50,6 +51,11 @@ class JobHandles:
     def release(self) -> None:
         """Let go of what is dragged, if anything is. By any thread."""
         self._viewer.worker.ask("let go", self.let_go)
+
+    def left(self, browser: int) -> None:
+        """Let go of what a browser drags that is gone. By any thread."""
+        if browser == self._hand:
+            self.release()
 
     def deselect(self) -> None:
         """Select nothing. By any thread."""
@@ -119,7 +125,7 @@ class JobHandles:
 
     def _dragged(self, event: Any) -> None:
         """Handle a browser's event."""
-        handle = event.target
+        handle, self._hand = event.target, event.client_id
         self._viewer.worker.ask("drag", lambda: self.drag(pose_of(handle)) if handle is self._handle else None)
         if event.phase == "end":
             self.release()

@@ -13,7 +13,8 @@ import numpy as np
 import viser
 
 from hdplan.planner.view.drawing.colors import INK
-from hdplan.planner.view.drawing.nodes import LABELS, SEGMENT_WIDTH, RobotNodes
+from hdplan.planner.view.drawing.labels import LABELS
+from hdplan.planner.view.drawing.nodes import SEGMENT_WIDTH, RobotNodes
 from hdplan.planner.view.drawing.rays import Surface, first_hit
 from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array
@@ -98,7 +99,7 @@ class Measuring:
         stage, panel = self._viewer.stage, self._viewer.panel
         robots: list[RobotNodes] = [stage.robot, stage.start, stage.goal]
         for robot in robots:
-            for skin, _ in robot.meshes if robot.visible else ():
+            for skin in [link.skin for link in robot.links] if robot.visible else ():
                 yield skin.vertices, skin.triangles, robot.data.oMi[skin.joint].homogeneous
         for node in stage.obstacles if panel.layers.on("obstacles") else ():
             if node.frame.visible:

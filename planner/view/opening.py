@@ -4,7 +4,7 @@ motion is certified in it and shown with the others."""
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,10 +16,9 @@ from hdplan.planner.robot.scene_robot import are_alike
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.edit_steps import Editing
 from hdplan.planner.view.edited_scene import Edited
-from hdplan.planner.view.watch import Source, Watch
+from hdplan.planner.view.watch import Seen, Source, Watch
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.scene import SCENE_FILES, Scene
-from hdplan.scenes.shapes import files_of
 from hdplan.scenes.yaml_format.reader import load_scene
 
 if TYPE_CHECKING:
@@ -68,30 +67,14 @@ class Opening:
             certificate = self._viewer.document.put(name, trajectory)
         self._editing.say(f"opened: {path.name}, {certificate.text}")
 
-    def follow(
-        self, scene: Callable[[], Scene], files: Sequence[Path], motions: Sequence[tuple[str, Path]] = ()
-    ) -> Watch:
-        """Open a scene and motions again whenever their files change: the scene's own, its meshes, and each motion's.
-        By any thread."""
-        meshes: list[Path] = _meshes(self._viewer.scene)
-
-        def read() -> None:
-            again = scene()
-            meshes[:] = _meshes(again)
-            self.take_scene(again)
-
-        sources = [Source(lambda: (*files, *meshes), lambda: self._editing.do(read))]
-        for name, file in motions:
-            again = partial(self.take_motion, file, name)
-            sources.append(Source(partial(_one, file), partial(self._editing.do, again)))
+    def follow(self, load: Callable[[], Scene], files: Seen, meshes: Seen, motions: Mapping[str, Seen]) -> Watch:
+        """Open the scene that `load` reads again whenever its files or meshes change, and the motions by name whenever
+        theirs do; all files as they were before they were read. By any thread."""
+        do = self._editing.do
+        sources = [
+            Source.of_scene(files, meshes, load, lambda scene: do(partial(self.take_scene, scene)), self._editing.fail)
+        ]
+        for name, files in motions.items():
+            (file,) = files
+            sources.append(Source(files, partial(do, partial(self.take_motion, file, name))))
         return Watch(sources)
-
-
-def _meshes(scene: Scene) -> list[Path]:
-    """The files of obstacles and held objects."""
-    shapes = [each.shape for each in scene.obstacles] + [each.shape for each in scene.attached]
-    return [file for shape in shapes for file in files_of(shape)]
-
-
-def _one(file: Path) -> tuple[Path]:
-    return (file,)

@@ -93,7 +93,7 @@ class Viewer(Served):
         through = collision_skins(self.robot) or skins
         self.motion_nodes = MotionNodes(server, self.robot, through, self.document)
         self.panel: Panel = Panel(self, note)
-        server.on_client_disconnect(lambda _: self.panel.handles.release())  # perhaps while it dragged
+        server.on_client_disconnect(lambda client: self.panel.handles.left(client.client_id))
         self.worker.ask("begin", lambda: self._begin(motions))
         self.worker.settle()
 
@@ -230,6 +230,7 @@ class Viewer(Served):
             if any(node.motion is not None for node in self.stage.obstacles):
                 self.panel.looking.fade()
             self.stage.name(report)
+            self.panel.looking.arrange()
             layers.show_plane(parameter, pairs, reported=report is not None)
             self.panel.follow(now, q, pairs, report)
 

@@ -7,34 +7,71 @@ and changes nothing.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
+from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.files import Stamps, stamps_of
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import files_of
 
 EVERY = 0.3  # [s] between two looks
+Seen = Mapping[Path, Stamps]
+"""Files as they were at some moment: before they are read, so that no change after it is missed."""
+
+
+def seen(files: Iterable[Path]) -> Seen:
+    """Return files as they are now."""
+    return {file: stamps_of([file]) for file in files}
+
+
+def seen_meshes(scene: Scene) -> Seen:
+    """Return the files of a scene's obstacles and held objects, which are read after the scene, as they are now."""
+    shapes = [each.shape for each in scene.obstacles] + [each.shape for each in scene.attached]
+    return seen(file for shape in shapes for file in files_of(shape))
 
 
 class Source:
     """Something that is read from files."""
 
-    def __init__(self, files: Callable[[], Sequence[Path]], read: Callable[[], object]) -> None:
-        """Take what names its files, and what reads them again. They were read just now."""
-        self._files, self._read = files, read
-        self._known: dict[Path, Stamps] = {}  # as they were read last
-        self._seen: dict[Path, Stamps] = {}  # at the last look
-        self.look()
+    def __init__(self, own: Seen, read: Callable[[], Seen | None], others: Seen | None = None) -> None:
+        """Take its files and those that they name, as they were before they were read, and what reads them again: it
+        returns the others that are named by then, or None for the same. It is called by the thread that looks."""
+        self._own, self._read = tuple(own), read
+        self._known = {**own, **(others or {})}
+        self._at_last_look: Seen = self._known
+
+    @classmethod
+    def of_scene(
+        cls,
+        own: Seen,
+        meshes: Seen,
+        load: Callable[[], Scene],
+        take: Callable[[Scene], object],
+        refuse: Callable[[HdplanError], object],
+    ) -> Source:
+        """Return the source of a scene: `load` reads it, `take` shows it, and `refuse` reports why neither was
+        possible."""
+
+        def read() -> Seen | None:
+            try:
+                scene = load()
+                named = seen_meshes(scene)
+                take(scene)
+            except HdplanError as error:
+                refuse(error)
+                return None
+            return named
+
+        return cls(own, read, meshes)
 
     def look(self) -> None:
-        """Read again if a file has changed and is no longer being written, or replaced."""
-        now = {file: stamps_of([file]) for file in self._files()}
-        changed = any(self._known.get(file, stamps) != stamps for file, stamps in now.items())
-        if changed and now == self._seen and all(now.values()):
-            self._known = now
-            self._read()
-        elif not changed:
-            self._known |= now
-        self._seen = now
+        """Read again if a file has changed, or gone, and is no longer being written, or replaced."""
+        now = seen(self._known)
+        if now != self._known and now == self._at_last_look:
+            others = self._read()
+            self._known = {**now} if others is None else {**others, **{file: now[file] for file in self._own}}
+        self._at_last_look = now
 
 
 class Watch:

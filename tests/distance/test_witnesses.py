@@ -54,7 +54,7 @@ SHARED = {
     "normals",
     "poses",
     "body_distance",
-}  # what bodies, sets and poses are; how a distance is asked
+}  # types of bodies, sets and poses; how a distance is requested
 SHARED_OF_HOLDER = {"check_gamma", "resolve_shaping_length"}
 
 

@@ -6,6 +6,7 @@ Meshes are sent once; after that only placements travel. Everything here is call
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.view.drawing.clicks import Clicks
 from hdplan.planner.view.drawing.colors import (
     CONTACT,
     INK,
@@ -28,6 +30,7 @@ from hdplan.planner.view.drawing.colors import (
     intensities,
 )
 from hdplan.planner.view.drawing.creases import creased
+from hdplan.planner.view.drawing.labels import Label
 from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import millimetres, shortened
 from hdplan.planner.view.drawing.skins import ENDLESS, Skin, obstacle_mesh, obstacle_parts, smaller
@@ -42,7 +45,22 @@ TIGHT, PULSE = 0.03, 2.0  # [m] below which a segment pulses, and by how many ti
 FADED = 0.3  # opacity of an obstacle between the eye and the robot
 MORE_SOLID = 0.65  # opacity of a ghost that is selected
 LABEL_HEIGHT = 0.05  # [m] by which the label stands above the segment
-LABELS: Any = {"font_screen_scale": 0.9, "anchor": "bottom-center"}  # above what they name, to both sides of it
+
+
+@dataclass(frozen=True, eq=False)
+class LinkNode:
+    """One link of a robot, or what of it has one colour."""
+
+    skin: Skin
+    mesh: Any
+    parts: Array  # lower and upper corner of the box around it, in the frame of its joint (1, 2, 3)
+    data: pin.Data  # the robot's, which holds where it is
+    clicks: Clicks
+
+    @property
+    def place(self) -> Array:
+        """Where the frame of its joint is (4, 4)."""
+        return np.asarray(self.data.oMi[self.skin.joint].homogeneous)
 
 
 class RobotNodes:
@@ -67,21 +85,19 @@ class RobotNodes:
             joint: server.scene.add_frame(f"/{name}/{joint}", show_axes=False)
             for joint in sorted({skin.joint for skin in skins})
         }
-        self.meshes = [
-            (
-                skin,
-                server.scene.add_mesh_simple(
-                    f"/{name}/{skin.joint}/{index}",
-                    smaller(skin.vertices, inset),
-                    skin.triangles,
-                    color=color or skin.color,
-                    opacity=opacity,
-                    cast_shadow=False,
-                    receive_shadow=False,
-                ),
+        self.links: list[LinkNode] = []
+        for index, skin in enumerate(skins):
+            mesh = server.scene.add_mesh_simple(
+                f"/{name}/{skin.joint}/{index}",
+                smaller(skin.vertices, inset),
+                skin.triangles,
+                color=color or skin.color,
+                opacity=opacity,
+                cast_shadow=False,
+                receive_shadow=False,
             )
-            for index, skin in enumerate(skins)
-        ]
+            box = np.array([[skin.vertices.min(axis=0), skin.vertices.max(axis=0)]], dtype=np.float64)
+            self.links.append(LinkNode(skin, mesh, box, self.data, Clicks(mesh)))
         self.color, self.opacity = color, opacity
         self.q: Array | None = None
 
@@ -100,17 +116,17 @@ class RobotNodes:
 
     def mark(self, links: Collection[str]) -> None:
         """Colour these links as being in contact, and all others as they were."""
-        for skin, mesh in self.meshes:
-            color = CONTACT if skin.link in links else self.color or skin.color
-            if tuple(mesh.color) != color:
-                mesh.color = color
+        for link in self.links:
+            color = CONTACT if link.skin.link in links else self.color or link.skin.color
+            if tuple(link.mesh.color) != color:
+                link.mesh.color = color
 
     def select(self, selected: bool) -> None:
         """Show a ghost more solid as being selected, or as it was."""
         opacity = MORE_SOLID if selected else self.opacity
-        for _, mesh in self.meshes:
-            if mesh.opacity != opacity:
-                mesh.opacity = opacity
+        for link in self.links:
+            if link.mesh.opacity != opacity:
+                link.mesh.opacity = opacity
 
     @property
     def visible(self) -> bool:
@@ -140,8 +156,8 @@ class ObstacleNode:
             f"/obstacles/{index}/mesh", vertices, triangles, color=OBSTACLE, cast_shadow=False, receive_shadow=False
         )
         self.bounds = np.array([vertices.min(axis=0), vertices.max(axis=0)])  # (2, 3) in its own frame
-        self._in_contact = self._selected = self._faded = self._through = False
-        self._chosen: Callable[[str, bool], object] | None = None
+        self._in_contact = self._selected = self._faded = False
+        self.clicks = Clicks(self.mesh)
         self.take(obstacle)
 
     def _mesh(self, obstacle: Obstacle) -> TriangleMesh:
@@ -179,20 +195,7 @@ class ObstacleNode:
 
     def listen(self, chosen: Callable[[str, bool], object]) -> None:
         """Name the listener to clicks: it gets the obstacle's name, and whether shift or ctrl was held."""
-        self._chosen = chosen
-        self.mesh.on_click(lambda _: chosen(self.obstacle.name, False))
-        for held in ("shift", "cmd/ctrl"):
-            self.mesh.on_click(modifier=held)(lambda _: chosen(self.obstacle.name, True))
-
-    def let_through(self, through: bool) -> None:
-        """Let the mouse through to what is behind it, or take clicks again: browsers give a press to the first body
-        that takes clicks, also where a handle is drawn over it."""
-        if self._chosen is not None and through != self._through:
-            self._through = through
-            if through:
-                self.mesh.remove_click_callback("all")
-            else:
-                self.listen(self._chosen)
+        self.clicks.listen(lambda more: chosen(self.obstacle.name, more))
 
     @property
     def opacity(self) -> float | None:
@@ -286,7 +289,7 @@ class ClosestNodes:
             )
             for name, color in (("obstacle", INK), ("links", LINKS))
         ]
-        self.label = server.scene.add_label("/closest/label", "", visible=False, **LABELS)
+        self.label = Label(server, "/closest/label")
         self.labelled = True
         self._tight = False
 
@@ -298,7 +301,7 @@ class ClosestNodes:
             self.lines[0].thickness = width
 
     def show(self, pairs: Sequence[Closest | None]) -> None:
-        """Draw the closest pair with an obstacle, and between links; the nearer one is labelled."""
+        """Draw the closest pair with an obstacle, and between links; the first that there is has a label."""
         self._tight = pairs[0] is not None and pairs[0].distance < TIGHT
         for line, pair in zip(self.lines, pairs, strict=True):
             line.visible = pair is not None
@@ -311,7 +314,7 @@ class ClosestNodes:
         self.label.visible = nearest is not None and self.labelled
         if nearest is not None:
             self.label.text = shortened(f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}")
-            self.label.position = nearest.points.mean(axis=0) + [0.0, 0.0, LABEL_HEIGHT]
+            self.label.place = nearest.points.mean(axis=0) + [0.0, 0.0, LABEL_HEIGHT]
 
 
 def wxyz_of(rotation: Array) -> tuple[float, float, float, float]:

@@ -187,7 +187,7 @@ def test_other_points_in_a_built_problem_are_as_if_it_was_built_with_them() -> N
         built.with_cloud(first, "vew")
     with pytest.raises(InputError, match="holds no points"):
         built.with_cloud(np.empty((0, 3)))
-    with pytest.raises(InputError, match="is needed where there is not one cloud; there are 0"):
+    with pytest.raises(InputError, match="needed unless there is exactly one cloud; there are 0"):
         hdplan.build(scene).with_cloud(first)
 
 

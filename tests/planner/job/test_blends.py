@@ -349,7 +349,7 @@ def test_finer_steps_make_no_slower_motion(monkeypatch: pytest.MonkeyPatch) -> N
     stages = [line, hdplan.Circle(by=[0.1, 0.1, 0.0], interim=[0.03, 0.07, 0.0], **fine)]
     took = []
     for finer in (1, 4, 12):
-        monkeypatch.setattr("hdplan.planner.job.blending.FINER", (finer,))
+        monkeypatch.setattr("hdplan.planner.job.blending.DENSITY_FACTORS", (finer,))
         result = hdplan.plan_job(job_of(*stages))
         assert "1 of them blended" in result.text
         took.append(result.trajectory.duration)
@@ -392,7 +392,7 @@ def test_a_blend_that_would_be_slower_is_a_stop(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("pressed", [True, False])
 def test_what_ends_while_stages_are_blended_leaves_stops(monkeypatch: pytest.MonkeyPatch, pressed: bool) -> None:
-    """Ctrl-C in the first group of stages, or an end asked for there: what was planned is kept, and certified."""
+    """Ctrl-C in the first group of stages, or a request to end there: the planned stages are kept, and certified."""
     begun: list[int] = []
 
     def begin(*given: Any, **more: Any) -> Any:

@@ -62,7 +62,7 @@ def test_a_motion_that_collides_is_red_beside_any_other(viewer: Viewer, chosen: 
         by_worker(viewer, lambda: viewer.document.choose(chosen))
     found, line = viewer.motions.shown
     assert drawn(viewer, line).tolist() == one(CONTACT)
-    assert {tuple(mesh.color) for _, mesh in viewer.motion_nodes.of(line).robot.meshes} == {CONTACT}
+    assert {tuple(link.mesh.color) for link in viewer.motion_nodes.of(line).robot.links} == {CONTACT}
     if chosen != "line":
         scale = clearance_colors(found.motion.clearance)
         assert drawn(viewer, found).tolist() == np.unique(intensities(scale), axis=0).tolist()

@@ -1,5 +1,5 @@
-"""Two people, or two hands, at one scene, without a browser: whatever comes while something is dragged, what is gone is
-not selected, and what is said is true."""
+"""Two people, or two hands, at one scene, without a browser: whatever comes while something is dragged, nothing that is
+gone is selected, and every message is true."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def pulled(viewer: Viewer, handle: Any, way: tuple[float, float, float]) -> None
     x, y, z = np.add(handle.position, way).tolist()
     target = handle if handle is viewer.panel.handles._handle else SimpleNamespace(wxyz=handle.wxyz)
     target.position = (x, y, z)
-    viewer.panel.handles._dragged(SimpleNamespace(target=target, phase="update"))
+    viewer.panel.handles._dragged(SimpleNamespace(target=target, phase="update", client_id=1))
     assert viewer.worker.settle(20)
 
 
 def assert_true(viewer: Viewer) -> None:
-    """What is selected is there, and what is said of the active motion is true."""
+    """The selected thing exists, and the text on the active motion is true."""
     selected, active = viewer.panel.handles.selected, viewer.motions.active
     assert selected is None or selected in things(viewer.edited)
     assert len(viewer.stage.obstacles) == len(viewer.scene.obstacles)
@@ -90,6 +90,18 @@ def test_the_addition_of_what_is_dragged_is_undone(viewer: Viewer) -> None:
     pulled(viewer, handle, (0.01, 0.0, 0.0))
     assert viewer.scene is first
     assert_true(viewer)
+
+
+def test_another_browser_that_leaves_takes_nothing_out_of_the_hand(viewer: Viewer) -> None:
+    """Its own does."""
+    handle = viewer.panel.handles._handle
+    pulled(viewer, handle, (-0.02, 0.0, 0.0))
+    for browser, dragging in ((2, True), (1, False)):
+        for left in viewer.server._client_disconnect_cb:
+            left(SimpleNamespace(client_id=browser))
+        assert viewer.worker.settle(20)
+        assert viewer.panel.handles.dragging == dragging
+        assert (viewer.panel.handles._handle is handle) == dragging
 
 
 def test_an_undo_in_the_midst_of_a_drag_loses_nothing(viewer: Viewer) -> None:

@@ -223,8 +223,8 @@ def test_the_ground_is_drawn_below_what_stands(viewer: Viewer) -> None:
 
 def test_ghosts_are_smaller_than_the_robot_and_than_each_other(viewer: Viewer) -> None:
     """Surfaces in one place flicker, as those of a link do that turns about its own axis."""
-    for start, goal in zip(viewer.stage.start.meshes, viewer.stage.goal.meshes, strict=True):
-        skin, edges = start[0].vertices, [np.ptp(mesh.vertices, axis=0) for _, mesh in (start, goal)]
+    for start, goal in zip(viewer.stage.start.links, viewer.stage.goal.links, strict=True):
+        skin, edges = start.skin.vertices, [np.ptp(link.mesh.vertices, axis=0) for link in (start, goal)]
         for edge, inset in zip(edges, (INSET, 2 * INSET), strict=True):
             np.testing.assert_allclose(np.ptp(skin, axis=0) - edge, 2 * inset, atol=1e-5)
     flat = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 1e-4], [0.0, 1.0, 0.0]])
@@ -356,7 +356,7 @@ def test_a_host_elsewhere_is_refused(scene: Scene) -> None:
             open_viewer(scene, host=host)
 
 
-# --- what is said and saved is of the scene as it is ------------------------------------------------------------------
+# --- messages and files are about the scene as it is ------------------------------------------------------------------
 
 
 def saved_pair(viewer: Viewer, folder: Path) -> tuple[Scene, Path]:
@@ -474,7 +474,7 @@ def test_a_handle_that_is_no_pose_is_one_line(viewer: Viewer) -> None:
         viewer.worker.settle(20)
         viewer.panel.handles._handle = handle
         before = viewer.scene
-        viewer.panel.handles._dragged(SimpleNamespace(target=handle, phase="update"))
+        viewer.panel.handles._dragged(SimpleNamespace(target=handle, phase="update", client_id=1))
         assert viewer.worker.settle(20)
         assert "handle: found position" in viewer.panel.verdict
         assert "\n" not in viewer.panel.verdict

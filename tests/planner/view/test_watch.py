@@ -1,4 +1,4 @@
-"""Laws of files that change on disk: what is shown follows them, whole or not at all, and what is said is of it."""
+"""Laws of files that change on disk: the page follows them, whole or not at all, and so do its messages."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.viewer import Viewer
-from hdplan.planner.view.watch import Watch
+from hdplan.planner.view.watch import Seen, Source, Watch, seen, seen_meshes
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from tests.waiting import until
@@ -38,13 +38,15 @@ def files(scene: Scene, trajectory: Trajectory, tmp_path: Path) -> tuple[Path, P
 @pytest.fixture
 def viewer(opened: Opener, files: tuple[Path, Path], trajectory: Trajectory) -> Iterator[Viewer]:
     found = opened(load_scene(files[0]), motion=trajectory)
-    watch: Watch = found.panel.opening.follow(lambda: load_scene(files[0]), [files[0]], [("motion", files[1])])
+    watch: Watch = found.panel.opening.follow(
+        lambda: load_scene(files[0]), seen([files[0]]), seen_meshes(found.scene), {"motion": seen([files[1]])}
+    )
     yield found
     watch.close()
 
 
 def says_the_truth(viewer: Viewer, file: Path) -> None:
-    """What is said of the motion is what holds in the file's scene."""
+    """The verdict on the motion is the one that holds in the file's scene."""
     assert viewer.worker.settle(20)
     viewer.worker.ask("measure", viewer.document.measure)
     assert viewer.worker.settle(20)
@@ -72,7 +74,7 @@ def test_a_scene_is_followed_whole_or_not_at_all(viewer: Viewer, files: tuple[Pa
         ("hdplan: 1\nrobot: {name: ur5}\nobstacles: []\nstart: {state: default}\ngoal: {state: default}\n", ""),
     ):
         files[0].write_text(wrong)
-        until(lambda words=words: "not done: " in editing.text and words in editing.text, "it is not said")
+        until(lambda words=words: "not done: " in editing.text and words in editing.text, "the panel has no message")
         assert viewer.edited is shown
         viewer.worker.ask("clear", lambda: editing.say(""))
         assert viewer.worker.settle(20)
@@ -84,6 +86,43 @@ def test_a_scene_is_followed_whole_or_not_at_all(viewer: Viewer, files: tuple[Pa
     editing.ask("undo")
     until(lambda: viewer.edited is shown, "it cannot be undone")
     assert first is not shown
+
+
+def test_no_change_after_the_first_reading_is_missed(tmp_path: Path) -> None:
+    """Not before the first look, not of what is named anew, and neither of what goes and comes back."""
+    scene, mesh, counts = tmp_path / "scene", tmp_path / "mesh", []
+
+    def looked() -> int:
+        counts.clear()
+        for _ in range(3):
+            source.look()
+        return len(counts)
+
+    def read() -> Seen:
+        counts.append(1)
+        return seen([mesh] if "mesh" in scene.read_text() else [])
+
+    scene.write_text("first")
+    source = Source(seen([scene]), read)
+    assert looked() == 0
+    scene.write_text("changed before the first look")
+    source = Source({scene: ()}, read)
+    assert looked() == 1
+    scene.write_text("a mesh that comes later")
+    assert looked() == 1
+    mesh.write_text("half")
+    source.look()
+    mesh.write_text("whole")  # while it is being written
+    counts.clear()
+    source.look()
+    assert not counts
+    assert looked() == 1
+    mesh.unlink()
+    assert looked() == 1  # which reports that it is missing
+    scene.write_text("without it")
+    assert looked() == 1
+    mesh.write_text("another")
+    assert looked() == 0
 
 
 def test_a_mesh_that_changes_is_another_obstacle(viewer: Viewer, files: tuple[Path, Path]) -> None:
@@ -107,5 +146,5 @@ def test_a_motion_is_followed(viewer: Viewer, files: tuple[Path, Path], trajecto
     says_the_truth(viewer, files[0])
     assert not active.motion.certificate.certified
     files[1].write_text("{")
-    until(lambda: "not done: " in viewer.panel.editing.text, "it is not said")
+    until(lambda: "not done: " in viewer.panel.editing.text, "the panel has no message")
     assert len(active.motion.trajectory.positions) == 10
