@@ -81,8 +81,8 @@ def pilz(first: Any, second: Any, corner: Any, radius: float) -> Any:
 
 
 def apart(places: Any, curve: Any) -> float:
-    """The largest distance of some places from a curve of points, straight between these, or a little more: only the two
-    ways at the nearest point count."""
+    """The largest distance of some places from a curve of points, straight between these, or a little more: only
+    the two ways at the nearest point count."""
     nearest, found = KDTree(curve).query(places)[1], np.full(len(places), np.inf)
     for way in (nearest - 1, nearest):
         begins = np.clip(way, 0, len(curve) - 2)
