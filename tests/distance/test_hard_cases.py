@@ -116,7 +116,7 @@ def _check_sign(case, found, normals, rounding=ROUNDING, underflow=UNDERFLOW):
         assert found.separation < 0
 
 
-@pytest.mark.sampled(9)
+@pytest.mark.sampled(17)
 @pytest.mark.parametrize("name", ["numpy", "casadi"])
 def test_finite_and_right(hard, name):
     settings = EVERY[HARD.index(hard)]

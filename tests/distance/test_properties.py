@@ -101,6 +101,7 @@ def test_separation_is_a_lower_bound_and_no_rung_loosens_it(names, rung, solids,
     assert np.all(value >= least - 1e-12 * np.abs(least))  # more axes make the Hölder maximum larger, too
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("names", SAFETY, ids="-".join)
 def test_exact_normal_as_witness_is_exact_there_and_safe_around(names, solids, random_poses):
     """A cutting plane: the oracle's normal, fixed in B, swept bodies included."""

@@ -167,7 +167,7 @@ def test_neither_order_nor_grouping_of_pieces_matters(name, poses):
         agree(first, other, poses, (MIXED, ELL), 2)
 
 
-@pytest.mark.sampled(9)
+@pytest.mark.sampled(17)
 @pytest.mark.parametrize("name", ["numpy", "casadi"])
 def test_copies_count_at_every_hard_pose(name, hard):
     """Of n equal pieces D is n^(∓1/p) times the piece's, with all derivatives: touching, aligned, tiny and huge."""

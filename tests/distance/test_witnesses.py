@@ -73,7 +73,7 @@ def _settings(number):
     }
 
 
-@pytest.mark.sampled(13)
+@pytest.mark.sampled(25)
 @pytest.mark.parametrize("branch", BRANCHES)
 @pytest.mark.parametrize("number", range(len(PAIRS)), ids=lambda k: "-".join(PAIRS[k]))
 def test_casadi_agrees_with_numpy(number, branch, random_poses):

@@ -66,7 +66,7 @@ def _differences(bodies, a, b, h, **settings):
     return (values[::2] - values[1::2]) / (2 * h)
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(13)
 def test_values_equal_the_reference(pair, random_poses, tolerance):
     function = hdsdf_function(*pair)
     for spread in (0.15, 0.5, 2.0):  # deep, near, apart
@@ -122,18 +122,16 @@ def _of_hard(body_a, body_b, gamma):
     return _along_twists(hdsdf_function(body_a, body_b, gamma=gamma))
 
 
-@pytest.mark.sampled(9)
-def test_finite_and_right_at_hard_poses(hard, tolerance):
+@pytest.mark.sampled(25)
+@pytest.mark.parametrize("gamma", [1, 2, 4])
+def test_finite_and_right_at_hard_poses(hard, gamma, tolerance):
     """Touching, parallel, identical, deep, tiny gaps, extreme scales: value as the reference, derivatives finite."""
-    for gamma in (1, 2, 4):
-        evaluate = _of_hard(hard.body_a, hard.body_b, gamma)
-        value, gradient, hessian = evaluate(hard.pose_a, hard.pose_b)
-        truth = hdsdf(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b, gamma=gamma)
-        np.testing.assert_allclose(
-            value.item(), truth, rtol=tolerance["witness"], atol=1e-15 * np.abs(hard.pose_a).max()
-        )
-        assert np.all(np.isfinite(gradient))
-        assert np.all(np.isfinite(hessian))
+    evaluate = _of_hard(hard.body_a, hard.body_b, gamma)
+    value, gradient, hessian = evaluate(hard.pose_a, hard.pose_b)
+    truth = hdsdf(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b, gamma=gamma)
+    np.testing.assert_allclose(value.item(), truth, rtol=tolerance["witness"], atol=1e-15 * np.abs(hard.pose_a).max())
+    assert np.all(np.isfinite(gradient))
+    assert np.all(np.isfinite(hessian))
 
 
 def test_jacobian_is_the_hand_written_one_in_sx_and_mx(random_poses, tolerance):

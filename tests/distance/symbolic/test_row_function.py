@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import functools
 import importlib.util
 import shutil
 import subprocess
@@ -52,6 +53,11 @@ def interpreted(function: ca.Function) -> RowFunction:
     rows = RowFunction(function)
     rows.is_compiled = False
     return rows
+
+
+@functools.cache
+def made_of_small(make: Callable[[ca.Function], RowFunction]) -> RowFunction:
+    return make(small())
 
 
 def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,7 +155,7 @@ def test_wrong_shapes_and_rows_are_refused(
     make: Callable[[ca.Function], RowFunction], tables: list[Array], rows: list[object]
 ) -> None:
     with pytest.raises(ValueError, match=r"^small: "):
-        make(small())(tables, [np.array(row, dtype=np.int64) for row in rows])
+        made_of_small(make)(tables, [np.array(row, dtype=np.int64) for row in rows])
 
 
 @needs_compiler

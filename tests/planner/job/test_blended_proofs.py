@@ -194,7 +194,7 @@ FORGED_MOTIONS = {
 
 
 @pytest.mark.core
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("kind", "number"), [(kind, i) for kind, each in FORGED_MOTIONS.items() for i in range(len(each))]
 )
