@@ -59,7 +59,7 @@ class LinkNode:
 
     @property
     def place(self) -> Array:
-        """Where the frame of its joint is (4, 4)."""
+        """Pose of the frame of its joint (4, 4)."""
         return np.asarray(self.data.oMi[self.skin.joint].homogeneous)
 
 
