@@ -1,6 +1,6 @@
 """The command line: its commands, their arguments and their help.
 
-The work of each is a module of `planner.commands`, loaded when the command runs, so that help appears at once.
+The work of each is a function of `planner.commands`, loaded when the command runs, so that help appears at once.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import typer
 from hdplan import __version__
 from hdplan.planner.terminal import arguments as given
 from hdplan.planner.terminal.console import printing
+from hdplan.planner.terminal.declared import command
 from hdplan.planner.terminal.session import run
 
 app = typer.Typer(
@@ -53,7 +54,7 @@ simulated motion failed, or a study was interrupted (its results so far are writ
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-studies = typer.Typer(help="Measure what each setting gains and what it costs.", rich_markup_mode=None)
+studies = typer.Typer(help="Measure the gain and the cost of each setting.", rich_markup_mode=None)
 figures = typer.Typer(
     help="Reproduce the paper's figures, beside its numbers.",
     rich_markup_mode=None,
@@ -78,7 +79,7 @@ def hdplan(
     """Take the options that need no command."""
 
 
-@app.command()
+@command(app, "plan.run_plan")
 def plan(
     scene: given.SceneFile,
     request: given.Request = None,
@@ -91,8 +92,8 @@ def plan(
     time_limit: given.TimeLimit = None,
     plot: given.Sheet = None,
     proof: given.ProofToWrite = None,
-    diagnose: given.Diagnose = False,
-    view: given.Watched = False,
+    diagnosed: given.Diagnose = False,
+    watched: given.Watched = False,
     as_json: given.AsJson = False,
     quiet: given.Quiet = False,
 ) -> None:
@@ -108,30 +109,9 @@ def plan(
     Ctrl-C stops with the best motion found so far. With --view the optimizer's work appears in the browser, at the
     address that is written to standard error; files are written once the motion is found, and Ctrl-C ends the server.
     """
-    from hdplan.planner.commands.plan import run_plan
-    from hdplan.planner.commands.watched import serving
-
-    with serving(view) as served:
-        code = run_plan(
-            scene,
-            request,
-            given.robot_with(robot, xacro_arg),
-            output=output,
-            plot=plot,
-            proof=proof,
-            diagnosed=diagnose,
-            solver=solver,
-            distance=distance,
-            seed=seed,
-            time_limit=time_limit,
-            as_json=as_json,
-            quiet=quiet,
-            served=served,
-        )
-    raise typer.Exit(code)
 
 
-@app.command()
+@command(app, "check.run_check")
 def check(
     scene: given.SceneFile,
     trajectory: given.Motion,
@@ -147,12 +127,9 @@ def check(
     straight, or the curve that the file's velocities define. Its ends must be the scene's start and goal; its joints
     are matched by name. In a job, every stage is certified.
     """
-    from hdplan.planner.commands.check import run_check
-
-    raise typer.Exit(run_check(scene, trajectory, request, given.robot_with(robot, xacro_arg), as_json=as_json))
 
 
-@app.command()
+@command(app, "prove.run_prove")
 def prove(
     scene: given.SceneFile,
     trajectory: given.Motion,
@@ -168,12 +145,9 @@ def prove(
 
     The exit code is 1 if the motion is not certified, or if no planes are found.
     """
-    from hdplan.planner.commands.prove import run_prove
-
-    raise typer.Exit(run_prove(scene, trajectory, request, robot, output=output))
 
 
-@app.command()
+@command(app, "verify.run_verify")
 def verify(
     scene: given.SceneFile,
     trajectory: given.Motion,
@@ -188,14 +162,11 @@ def verify(
     world of the proof, and then checks the proof in outward-rounded arithmetic. The output lists the proven claims and
     the assumptions, or the pair of bodies, the place and the reason of a failure.
 
-    The exit code is 1 if the proof is rejected, 4 if it is accepted in part: the scene requires more than it proves.
+    The exit code is 1 if the proof is rejected, 4 if it is accepted in part, as the scene requires more.
     """
-    from hdplan.planner.commands.verify import run_verify
-
-    raise typer.Exit(run_verify(scene, trajectory, proof, request, robot, world=world))
 
 
-@app.command()
+@command(app, "follow.run_follow")
 def follow(
     scene: given.SceneFile,
     trajectory: given.Motion,
@@ -219,24 +190,9 @@ def follow(
 
     The exit code is 1 if the robot does not arrive, or if its motion is not proven collision-free.
     """
-    from hdplan.planner.commands.follow import run_follow
-
-    raise typer.Exit(
-        run_follow(
-            scene,
-            trajectory,
-            request,
-            given.robot_with(robot, xacro_arg),
-            output=output,
-            rate=rate,
-            margin=margin,
-            limits=limits or (),
-            as_json=as_json,
-        )
-    )
 
 
-@app.command()
+@command(app, "simulate.run_simulate")
 def simulate(
     scene: given.SceneFile,
     trajectory: given.Motion,
@@ -256,27 +212,14 @@ def simulate(
     With --plant a body in MuJoCo executes the motion, each joint turned by a drive with its own servo. The tracking
     error is shown as `robot.tracking`, and a scene with this section can then be proven.
 
-    Of a job each stage is replayed, or executed, in its own scene; fingers are only replayed.
+    In a job, each stage is replayed, or executed, in its own scene; fingers are only replayed.
 
     The exit code is 1 if tracking is lost or worse than the scene's `robot.tracking`, if a limit is exceeded, or if
     there is contact.
     """
-    from hdplan.planner.commands.simulate import run_simulate
-
-    raise typer.Exit(
-        run_simulate(
-            scene,
-            trajectory,
-            request,
-            given.robot_with(robot, xacro_arg),
-            plot=plot,
-            plant=plant,
-            as_json=as_json,
-        )
-    )
 
 
-@app.command()
+@command(app, "plot.run_plot")
 def plot(
     scene: given.SceneFile,
     trajectory: given.Motion,
@@ -289,14 +232,11 @@ def plot(
 
     The trajectory may be hdplan's or another planner's. The sheet shows the joints with their limits, velocities and
     accelerations if the file has times, the clearance along the motion with its proven bound, the solver's progress if
-    the file holds it, and the scene from two sides. The exit code is 0 whatever the verdict.
+    the file holds it, and the scene from two sides. The exit code is 0 for every verdict.
     """
-    from hdplan.planner.commands.plot import run_plot
-
-    raise typer.Exit(run_plot(scene, trajectory, request, given.robot_with(robot, xacro_arg), output=output))
 
 
-@app.command()
+@command(app, "view.run_view")
 def view(
     scene: given.SceneFile,
     trajectories: given.Motions = None,
@@ -317,25 +257,9 @@ def view(
 
     Ctrl-C stops the server.
     """
-    from hdplan.planner.commands.view import run_view
-
-    raise typer.Exit(
-        run_view(
-            scene,
-            trajectories or [],
-            request,
-            given.robot_with(robot, xacro_arg),
-            proof=proof,
-            record=record,
-            video=video,
-            host=host,
-            port=port,
-            share=share,
-        )
-    )
 
 
-@app.command()
+@command(app, "explain.run_explain")
 def explain(
     scene: given.SceneFile,
     request: given.Request = None,
@@ -348,14 +272,11 @@ def explain(
     Lists the joints with start, goal and limits; which terms are on and off, and why; the bodies around links and
     obstacles; which pairs are checked and which are excluded; the unknowns; and the settings, with defaults in force.
     """
-    from hdplan.planner.commands.explain import run_explain
-
-    raise typer.Exit(run_explain(scene, request, given.robot_with(robot, xacro_arg), as_json=as_json))
 
 
-@app.command()
+@command(app, "robots.run_robots")
 def robots(
-    name: given.RobotName = None,
+    robot: given.RobotName = None,
     xacro_arg: given.XacroArguments = None,
     srdf: given.SrdfFile = None,
     as_json: given.AsJson = False,
@@ -365,12 +286,9 @@ def robots(
     For one robot: its joints with limits, joints held fixed, groups, end effectors, named states, and how tightly its
     outer bodies fit. The bodies are fitted once and kept; the first time this takes some seconds.
     """
-    from hdplan.planner.commands.robots import run_robots
-
-    raise typer.Exit(run_robots(given.robot_with(name, xacro_arg), srdf=srdf, as_json=as_json))
 
 
-@app.command()
+@command(app, "batch.run_batch")
 def batch(
     sources: given.Sources = None,
     output: given.Run = None,
@@ -382,8 +300,8 @@ def batch(
     seed: given.Seed = 0,
     time_limit: given.EachTimeLimit = 60.0,
     motions: given.MotionsAs = "parquet",
-    proof: given.Proofs = False,
-    diagnose: given.Diagnose = False,
+    proofs: given.Proofs = False,
+    diagnosed: given.Diagnose = False,
     export: given.Export = None,
     fps: given.Rate = 30,
     plot: given.RunSheet = None,
@@ -401,35 +319,9 @@ def batch(
 
     Ctrl-C stops and keeps the results so far.
     """
-    from hdplan.planner.commands.batch import run_batch, show_report
-
-    if report is not None:
-        if sources or output is not None:
-            raise typer.BadParameter("--report RUN takes no SOURCE and no --output")
-        raise typer.Exit(show_report(report, plot))
-    if not sources or output is None:
-        raise typer.BadParameter("needs SOURCE and --output RUN, or --report RUN")
-    code = run_batch(
-        sources,
-        output,
-        scene=scene,
-        workers=workers,
-        scheduler=scheduler,
-        cluster=cluster,
-        solver=solver,
-        seed=seed,
-        time_limit=time_limit,
-        motions=motions,
-        proofs=proof,
-        diagnosed=diagnose,
-        plot=plot,
-        export=export,
-        fps=fps,
-    )
-    raise typer.Exit(code)
 
 
-@app.command()
+@command(app, "batch.run_sample")
 def sample(
     scene: given.SceneFile,
     output: given.TableFile,
@@ -444,13 +336,9 @@ def sample(
     Starts and goals are free, with the scene's clearance, and keep its path constraints. Writes a table with a row for
     each problem and a column for each field in which they differ from the scene; `hdplan batch` plans them.
     """
-    from hdplan.planner.commands.batch import run_sample
-
-    code = run_sample(Path(scene), output, count=count, seed=seed, goal=goal, jitter=jitter, resize=resize)
-    raise typer.Exit(code)
 
 
-@app.command()
+@command(app, "codegen.run_codegen")
 def codegen(
     scene: given.SceneFile,
     output: given.NewFolder,
@@ -465,39 +353,29 @@ def codegen(
     the poses of all obstacles are inputs. Nothing is allocated, and the time of a call is bounded. A test program
     compares a hundred configurations with hdplan's own numbers.
     """
-    from hdplan.planner.commands.codegen import run_codegen
-
-    chosen = given.robot_with(robot, xacro_arg)
-    raise typer.Exit(run_codegen(scene, request, chosen, output=output, as_json=as_json))
 
 
-@app.command()
+@command(app, "schema.run_schema")
 def schema() -> None:
     """Print the scene format as a JSON Schema, for editors.
 
     The schema lists the keys of a scene, with the types and ranges of their values.
     """
-    from hdplan.planner.commands.schema import run_schema
-
-    raise typer.Exit(run_schema())
 
 
-@studies.command()
-def distance(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
+@command(studies, "studies.run_distance_study")
+def distance(output: given.Folder = given.STUDY_FOLDER, quick: given.Quick = False) -> None:
     """Measure the cost in time of an accurate distance.
 
     For every set of normals, order, shaping length and precision: the share of gaps reported as contact, the error
     against the exact distance, and the time per value, gradient and Hessian. Writes distance_study.csv, .md and .png,
     and recommends a setting. Takes a while; Ctrl-C stops and keeps the results so far.
     """
-    from hdplan.planner.commands.studies import run_distance_study
-
-    raise typer.Exit(run_distance_study(output, quick=quick))
 
 
-@studies.command()
+@command(studies, "studies.run_planning_study")
 def planning(
-    output: given.Folder = given.OUT,
+    output: given.Folder = given.STUDY_FOLDER,
     quick: given.Quick = False,
     problems: given.Problems = None,
     every: given.Every = 10,
@@ -509,37 +387,28 @@ def planning(
     clearance lost to conservativeness, smoothness and time. Writes planning_study.csv, .md and .png. Takes a quarter of
     an hour; Ctrl-C stops and keeps the results so far.
     """
-    from hdplan.planner.commands.studies import run_planning_study
-
-    raise typer.Exit(run_planning_study(output, quick=quick, problems=problems, every=every))
 
 
-@figures.command()
-def time(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
+@command(figures, "studies.run_figure", name="time")
+def time(output: given.Folder = given.STUDY_FOLDER, quick: given.Quick = False) -> None:
     """Time exact distances, GDF and the HD-SDF.
 
     Over all pairs of Platonic solids: exact by FCL and by coal; the HD-SDF by the interpreter, compiled, and in
     batches. Writes time.csv and time.png.
     """
-    from hdplan.planner.commands.studies import run_figure
-
-    raise typer.Exit(run_figure("time", output, quick=quick))
 
 
-@figures.command()
-def conservativeness(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
+@command(figures, "studies.run_figure", name="conservativeness")
+def conservativeness(output: given.Folder = given.STUDY_FOLDER, quick: given.Quick = False) -> None:
     """Count how often a gap is taken for contact.
 
     Over 500,000 random configurations of Platonic solids, for the paper's set of normals and all other sets. Writes
     conservativeness.csv and conservativeness.png.
     """
-    from hdplan.planner.commands.studies import run_figure
-
-    raise typer.Exit(run_figure("conservativeness", output, quick=quick))
 
 
-@figures.command()
-def corridor(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
+@command(figures, "studies.run_figure", name="corridor")
+def corridor(output: given.Folder = given.STUDY_FOLDER, quick: given.Quick = False) -> None:
     """Steer a Panda made of boxes into a corridor, with each distance.
 
     The paper's robot experiment: the same controller with the exact distance, the GDF and the HD-SDF, with the text's
@@ -547,21 +416,15 @@ def corridor(output: given.Folder = given.OUT, quick: given.Quick = False) -> No
     corridor.csv, corridor_commands.csv, corridor_settings.csv and corridor.png. Takes some minutes; Ctrl-C stops
     and keeps the results so far.
     """
-    from hdplan.planner.commands.studies import run_figure
-
-    raise typer.Exit(run_figure("corridor", output, quick=quick))
 
 
-@figures.command()
-def kinks(output: given.Folder = given.OUT) -> None:
+@command(figures, "studies.run_kinks")
+def kinks(output: given.Folder = given.STUDY_FOLDER) -> None:
     """Follow the distances of two squares that pass each other.
 
     The Euclidean distance has kinks there and the HD-SDF has none. Writes kinks.csv and kinks.png: both over time, with
     their derivatives.
     """
-    from hdplan.planner.commands.studies import run_kinks
-
-    raise typer.Exit(run_kinks(output))
 
 
 def main() -> None:

@@ -78,7 +78,7 @@ def seen(points: Array, seed: int) -> Array:
 
 
 def run(problem: RealProblem, view: str, count: int | None, check: bool, limit: float, folder: Path) -> dict[str, Any]:
-    """Plan one problem from the file of its cloud on."""
+    """Plan one problem, the reading of its cloud's file included."""
     scene = problem.load()
     if view == "all":
         points = surfaces(scene, count, 0)

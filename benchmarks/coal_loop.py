@@ -1,6 +1,6 @@
 """coal in a C++ loop (`coal_loop.cpp`), built where a C++ compiler is: against the library and headers of pin's wheels.
 
-Where something is missing, `build` says what, and the benchmark does without.
+Where something is missing, `build` names it, and the benchmark leaves the loop out.
 """
 
 from __future__ import annotations

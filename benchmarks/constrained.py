@@ -67,7 +67,7 @@ class Outcome:
     number: int
     certified: bool  # by planning
     seconds: float
-    dense: str  # what the dense search says, if it was asked
+    dense: str  # the verdict of the dense search, if it was run
 
 
 def request(kind: str, number: int) -> Scene:

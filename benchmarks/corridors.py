@@ -1,4 +1,4 @@
-"""Where the HD-SDF's smooth commands come from: random corridors, parallel and not, at equal clearance.
+"""The cause of the HD-SDF's smooth commands: random corridors, parallel and not, at equal clearance.
 
     python benchmarks/corridors.py [--corridors 8] [--processes 1]
 
@@ -6,7 +6,7 @@ In half of the corridors walls and roof are parallel, in the other half each is 
 axis. The paper's Panda of boxes enters under the paper's own controller (`corridor_experiment.py`), fitted bodies under
 ours: with its defaults, with one rate and without limits of acceleration as in the paper, and with grown obstacles. The
 exact distance then enters under the same controller with the same settings, but for the margin with which it keeps the
-same least exact clearance (5 s, looked at 50 times a second). What is told is the HD-SDF's total variation, and its
+same least exact clearance (5 s, sampled 50 times a second). The table shows the HD-SDF's total variation, and its
 total variation and energy above 5 Hz over the exact distance's, of all joints once the arm is under way: below 1 the
 HD-SDF is smoother.
 """

@@ -26,7 +26,7 @@ CUTS = 200  # tries to shorten a way
 
 
 class Tree:
-    """Configurations, each with the one that it was reached from."""
+    """Configurations, each with its predecessor."""
 
     def __init__(self, root: Array) -> None:
         """Begin with one."""

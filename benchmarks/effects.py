@@ -65,7 +65,7 @@ def one_clearance(scene: Scene) -> Scene:
 
 
 def one_goal(scene: Scene) -> Scene:
-    """Return the scene with the configuration as its goal that its plan ends in."""
+    """Return the scene with the last configuration of its plan as its goal."""
     goal = hdplan.plan(scene).goal
     assert goal is not None
     return replace(scene, goal=goal)

@@ -1,4 +1,4 @@
-"""What a body in MuJoCo does of what is planned: tracking errors, and executed clearance against the proven one.
+"""Planned motions, executed by a body in MuJoCo: tracking errors, and executed clearance against the proven one.
 
     python benchmarks/executed.py [NAME ...]
 
@@ -6,8 +6,9 @@ Each scene, with limits of velocity, acceleration and jerk where it has none, is
 robot in MuJoCo (`control.MuJoCoArm`). The errors that were measured, times MARGIN, become its `robot.tracking`; it is
 planned for these, so that the motion is proven in a tube about itself, and executed, until the errors stay in the tube.
 It *holds* if they do, and nothing comes closer than is proven: exact distances of the robot's meshes at each executed
-step, of 1 ms. A replanner drives to its goal while a person walks by; what is proven is then the least that any command
-was proven for, against all that the person could have done. No proof of a job knows a tube: its row is what happened.
+step, of 1 ms. A replanner drives to its goal while a person walks past; the proven clearance is then the least that any
+command was proven for, against all that the person could have done. No proof of a job knows a tube: its row is what
+happened.
 """
 
 from __future__ import annotations

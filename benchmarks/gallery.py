@@ -1,6 +1,6 @@
 """Every shipped scene as a page that needs no server, and the docs' gallery of their pictures.
 
-    python benchmarks/gallery.py FOLDER [SCENE ...]
+    python benchmarks/gallery.py FOLDER [SCENE ...] [--processor-time]
 
 Each scene is planned, its proof written, and FOLDER/SCENE.html made, with the planes of the proof; of a job, with its
 stages. The docs' pictures, docs/gallery/SCENE.png, are drawn anew, and, without names of scenes, docs/gallery.md with
@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from PIL import Image
+from processor_time import add_processor_time, set_clock
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.html_page import HtmlPage
@@ -35,7 +36,7 @@ from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_jobs, shipped_scenes
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
-TIME_LIMIT = 120.0  # [s] at most for a plan, also where the processor is shared
+TIME_LIMIT = 120.0  # [s] at most for a plan
 WINDOW, PICTURE, COLORS = (960, 720), (320, 240), 96  # [px], [px], of a picture's palette
 MOMENT = 0.4  # of the motion, in a picture
 LARGEST = 2_000_000  # [bytes] of a page
@@ -80,7 +81,8 @@ def shown(name: str, file: Path) -> Shown:
 
 def photograph(program: str, page: HtmlPage, file: Path) -> None:
     """Draw the scene of a page into a small file."""
-    with Browser(program, page, WINDOW) as browser:
+    with Browser(program) as browser:
+        browser.show(page, WINDOW)
         browser.run("document.querySelector('aside').style.display = 'none', page.resize()")
         moment = f"data.timeline.begin + {MOMENT} * (data.timeline.end - data.timeline.begin)"
         browser.run(f"page.now = {moment}, page.resize(), page.paint()")
@@ -102,7 +104,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("scenes", nargs="*")
+    add_processor_time(parser)
     options = parser.parse_args()
+    set_clock(options)
     every = shipped_scenes() | shipped_jobs()
     program = find_browser()
     if program is None:

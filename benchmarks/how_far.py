@@ -6,7 +6,7 @@ DIR as in benchmarks/mbm.py, with the narrow places of benchmarks/narrow.py besi
 shipped scenes and jobs, all of MotionBenchMaker for Panda and UR5, a hundred each for Fetch and Baxter, and fifty of
 each set of narrow places, all evenly spread. Each is planned with the command's defaults; of the motion's file a proof
 is written, and checked. Prints a row for each group, and what is lacking with how often; to the error stream, a line
-per problem. With a file of `--state`, what was ended goes on.
+per problem. With a file of `--state`, an interrupted run is resumed.
 """
 
 from __future__ import annotations

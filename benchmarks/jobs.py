@@ -12,7 +12,7 @@ the processor time of planning and certifying, and how many are certified; `--pr
 processor time, too. Frames are those at which all joints are 0. What is certified is looked at again at every
 pose of the path, by Pinocchio, against the path as published. Sequences of Pilz' planner: `pilz.py`; there DIR holds
 its tests' *_testdata_sequence.xml, and FOLDER `prbt_support`, from which the robot comes. Random pick-and-place jobs:
-`picks.py`; they, their motions and what was found are written to DIR, from where a run that was ended goes on; a table
+`picks.py`; they, their motions and what was found are written to DIR, and resume an interrupted run; a table
 by arms is printed, each job to the error stream. Legs one by one: `blended_jobs.py`.
 """
 

@@ -2,8 +2,8 @@
 
     python benchmarks/mbm.py DIR [--robot NAME ...] [--set cage ...] [--every K] [--time-limit S] [--no-recheck]
 
-DIR holds panda/, ur5/, fetch/ and baxter/, each with a robot.yaml and one folder per set; without --robot the first two
-are planned for. Prints a table with a row per set, and every problem that is not certified with its cause; to the error
+DIR holds panda/, ur5/, fetch/ and baxter/, each with a robot.yaml and one folder per set; without --robot, problems of
+the first two. Prints a table with a row per set, and every problem that is not certified with its cause; to the error
 stream, a line per problem. "Certified" is hdplan's own verdict, "refuted" what `recheck` (own kinematics, meshes by
 trimesh, contacts by FCL at dense samples) finds wrong with it: it must be 0.
 """
@@ -42,7 +42,7 @@ class Outcome:
 
 
 def run(problem: RealProblem, time_limit: float, check: bool) -> Outcome:
-    """Plan one problem with the command's defaults, from reading its files on."""
+    """Plan one problem with the command's defaults, the reading of its files included."""
     began = time.perf_counter()
     try:
         scene = problem.load()

@@ -8,7 +8,7 @@ something was changed is judged twice: by Pinocchio and coal in the world that t
 and, for what it read, by hdplan: the certificate of the changed motion in the changed scene, of the changed
 robot, finds the closest distances; they must not be below what the proof claims, and limits and ends that it claims
 must hold. Prints a table with a row per kind of change; "false" must be 0, as must errors other than a rejection. With
-a file of `--state`, a campaign that was ended goes on.
+a file of `--state`, an interrupted campaign is resumed.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 A clamped cubic B-spline of CONTROL_POINTS control points over unit time, from a straight line: least path energy, ends
 fixed, control points within the joint limits, and at `samples` equally spaced times
 MinimumDistanceLowerBoundConstraint (the task's margin, INFLUENCE beyond it) between all pairs; SNOPT, which Drake picks
-itself (IPOPT and the cost of path length did worse on a few problems looked at). The robot is built joint by joint from
+itself (IPOPT and the cost of path length did worse on a few problems). The robot is built joint by joint from
 hdplan's model; bodies are Drake's own boxes, cylinders, spheres, capsules and convex hulls.
 """
 

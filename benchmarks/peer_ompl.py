@@ -70,7 +70,7 @@ def path_of(setup: geometric.SimpleSetup, joints: int) -> Array | None:
 
 
 class _Validity:
-    """Whether a state keeps the margin; holds what the broad phase points to."""
+    """Whether a state keeps the margin; owns the objects behind the broad phase's pointers."""
 
     def __init__(self, task: Task, margin: float) -> None:
         robot = task.robot

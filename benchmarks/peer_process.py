@@ -39,7 +39,7 @@ class Peer:
         self._start()
 
     def plan(self, task: Task, time_limit: float, **options: object) -> Answer:
-        """Plan with the options of a row. Raises RuntimeError with what the planner said."""
+        """Plan with the options of a row. Raises RuntimeError with the planner's message."""
         robot = describe(task, Path(self.folder.name))
         request = {
             **vars(robot),

@@ -50,7 +50,7 @@ class Task:
     scene: Scene
     robot: Robot
     start: Array  # (n,) joint values
-    goal: Array  # (n,); with a pose as the goal, one configuration that reaches it, which no planner is told
+    goal: Array  # (n,); with a pose as the goal, one configuration that reaches it, which no planner gets
     hand: str | None  # the link whose pose is the goal; None: the goal is `goal`
     bodies: tuple[Body, ...]  # convex hulls of the links' and the obstacles' pieces
     pairs: tuple[

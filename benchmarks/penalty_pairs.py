@@ -1,6 +1,6 @@
-"""What one distance of a pair costs, with Python's loop around it and without.
+"""Processor time of one pair's distance, with and without Python's loop around it.
 
-The pairs are those that the first evaluation of a plan asks for: two problems that differ in the distance alone, the
+The pairs are those of the first evaluation of a plan: two problems that differ in the distance alone, the
 straight line as the motion. The HD-SDF has no loop in Python: the planner calls compiled code for all pairs at once.
 "Without" is for FCL the same coal calls made by Pinocchio's loop in C++ (`computeDistances`).
 """

@@ -143,7 +143,7 @@ def write_bracket(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class Board:
-    """Something to stand on: the middle of its upper side, how it is turned, and how large it is."""
+    """A support: the middle of its upper side, its orientation and its size."""
 
     name: str
     at: np.ndarray
@@ -417,7 +417,7 @@ def _pose(place: np.ndarray, turn: Rotation) -> dict[str, Any]:
 
 
 def picks(folder: Path, count: int, first: int, time_limit: float) -> None:
-    """Plan jobs, look at them again, and print what was found; that is in a folder, from where a run goes on."""
+    """Plan jobs, check them again, and print the outcomes; a folder keeps them, and a second run resumes there."""
     folder.mkdir(parents=True, exist_ok=True)
     write_bracket(folder)
     found: list[dict[str, Any]] = []

@@ -331,7 +331,7 @@ def _driven(
 
 
 def _followed(stage: dict[str, Any]) -> set[str]:
-    """Return the links whose way a stage tells of."""
+    """Return the links whose way a stage describes."""
     sections = stage.get("line"), stage.get("path", {}).get("upright")
     return {each["link"] for each in sections if each}
 

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 import hdplan
 
 SPEED, ACCELERATION, TURNING = 1.0, 2.25, 1.57  # of the tool: cartesian_limits.yaml of both robots
-FAR, ANGLE = 1e-5, 1e-3  # that is asked for and proven
+FAR, ANGLE = 1e-5, 1e-3  # required and proven
 STEP = 1e-4  # [s] of the simulation
 PLACES = 1000
 EQUAL = SPEED / TURNING  # [m] that a turn of 1 rad counts

@@ -35,7 +35,7 @@ class RealProblem:
 
     @property
     def number(self) -> str:
-        """What its files are numbered by."""
+        """The number in its files' names."""
         return self.scene_file.stem.removeprefix("scene")
 
     @property

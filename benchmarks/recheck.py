@@ -5,7 +5,7 @@ meshes by trimesh, collisions by python-fcl, dense samples of the motion. It can
 
     python benchmarks/recheck.py TRAJECTORY.json SCENE.yaml REQUEST.yaml ROBOT.yaml [--distances]
 
-prints one JSON object: `free`, and a `contact` or, if asked, the smallest distances sampled. `recheck(...)` does it
+prints one JSON object: `free`, and a `contact` or, on request, the smallest distances sampled. `recheck(...)` does it
 in a process of its own, since FCL's distance, unlike its collision test, ends the process at rare near-contacts: then
 only `free` is known.
 """
@@ -32,7 +32,7 @@ from sieges.poses import from_quaternion, from_rpy
 from hdplan.scenes.array_types import Array
 
 STEP = 0.005  # [rad] or [m], largest joint step between two samples
-NEAR = 0.05  # [m] pairs farther apart than this, by their bounding balls, are not asked for their distance
+NEAR = 0.05  # [m] pairs farther apart than this, by their bounding balls, are not measured
 SAME_END = 1e-6  # [rad] or [m] between the trajectory's ends and the request's
 WITHIN = 1e-9  # [rad] or [m] of a limit, that is rounding; a request's own end may lie farther beyond, and only there
 SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share"
@@ -87,8 +87,8 @@ class Moved:
 def recheck(
     trajectory: Path | str, scene: Path | str, request: Path | str, robot: Path | str, *, distances: bool = False
 ) -> dict[str, Any]:
-    """Run the check in a process of its own and return what it found last; distances, which take much longer, if
-    asked."""
+    """Run the check in a process of its own and return its last result; distances, which take much longer, on
+    request."""
     command = [sys.executable, __file__, *(str(path) for path in (trajectory, scene, request, robot))]
     command += ["--distances"] * distances
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -100,7 +100,7 @@ def recheck(
 
 
 def main(trajectory: str, scene: str, request: str, robot: str, distances: bool) -> None:
-    """Check one trajectory; print what is known, then, if it is free and asked for, the same with smallest
+    """Check one trajectory and print the result; then, on request and if it is free, print it with smallest
     distances."""
     content = json.loads(Path(trajectory).read_text())
     motion = Moved.of(content, Path(request), Path(robot))

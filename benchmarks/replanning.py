@@ -16,7 +16,7 @@ while any joint is faster than 1 mrad/s, wherever what was measured last and wha
 they are apart. With --journal, outcomes are added to a file, and seeds in it are not run again.
 
 Each run is made again, with --present, by a replanner that knows the present: pictures are exact and at hand at once,
-the arm does what it is told without lag or latency, and computing takes no time; what is left is that anybody may go
+the arm follows its commands without lag or latency, and computing takes no time; what is left is that anybody may go
 anywhere at 0.5 m/s. With --knowing a planner that knows the future drives through the world that was recorded
 (`replanning_foresight`). With --alone there is nothing but the floor: no planner, whatever it knows, reaches more goals
 with these commands. With --trusting, pictures hold no sizes, as if everything stood still where it is seen: these
@@ -128,7 +128,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Senses:
-    """What a replanner is told of the world, and how soon."""
+    """What a replanner knows of the world, and how soon."""
 
     off: float | None = OFF  # [m] by which pictures are off; None: as far, but they hold no sizes
     every: float = PICTURES  # [s] between two of them

@@ -52,7 +52,7 @@ class Past:
         return {name: np.array([row[name] for _, row in self.rows]) for name in self.shapes}
 
     def from_now(self, t: float, seconds: float) -> list[hdplan.Obstacle]:
-        """Return what will move within some seconds, where it will be, with times from now on."""
+        """Return what will move within some seconds, and where, with times relative to now."""
         first = max(int(np.searchsorted(self.times, t, side="right")) - 1, 0)
         rows = slice(first, int(np.searchsorted(self.times, t + seconds)) + 2)
         found, times = list[hdplan.Obstacle](), np.maximum(self.times[rows] - t, 0.0)
@@ -90,8 +90,8 @@ def goals_of_who_knows(past: Past, scene: hdplan.Scene, goals: list[np.ndarray],
 def _certified(
     past: Past, alone: hdplan.Scene, robot: hdplan.Robot, quickest: hdplan.Trajectory, t: float, tries: int
 ) -> float | None:
-    """Return how long a motion takes that is certified to be free from a time on; None if none was found: the quickest,
-    or one of the longer ones, which take turns."""
+    """Return the duration of a motion that is certified as free and begins at a given time; None without one: the
+    quickest, or one of the longer ones, which take turns."""
     assert quickest.duration is not None
     duration = LONGER[tries % len(LONGER)] * quickest.duration
     scene = replace(alone, obstacles=(*alone.obstacles, *past.from_now(t, duration)))

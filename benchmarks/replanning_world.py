@@ -68,7 +68,7 @@ class Walker:
         self.turn = pin.exp3(dt * self.spin) @ self.turn
 
     def turn_back(self, t: float) -> None:
-        """Go back where it came from."""
+        """Turn around."""
         self.velocity, self.spin, self.until = -self.velocity, -self.spin, t + 1.0
 
     def there(self, t: float) -> bool:
@@ -256,7 +256,7 @@ class Gaps:
         self.at: np.ndarray | None = None
 
     def move(self, q: np.ndarray, dt: float) -> None:
-        """Note that the robot is at q now, and that the bodies have moved on."""
+        """Note that the robot is at q now, and that the bodies have moved."""
         gone = self.speed * dt + (0.0 if self.at is None else float(np.abs(q - self.at) @ self.levers))
         self.at, self.least = q, {name: bound - gone for name, bound in self.least.items()}
 

@@ -1,4 +1,4 @@
-"""Outcomes of a long run in a file: each is written as soon as it is known, and a run called once more goes on."""
+"""Outcomes of a long run in a file: each is written as soon as it is known, and a second call resumes the run."""
 
 from __future__ import annotations
 

@@ -150,7 +150,7 @@ def other_angles(rng: Random, angles: list[float]) -> list[float]:
 
 
 def turned(rng: Random, pose: dict[str, Any]) -> dict[str, Any]:
-    """A pose whose orientation is said in other words."""
+    """A pose whose orientation is written in another notation."""
     if "rpy" in pose:
         rotation = Rotation.from_euler("xyz", pose["rpy"])
     elif "quaternion_xyzw" in pose:

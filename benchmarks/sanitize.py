@@ -4,7 +4,7 @@ number and every other step outside of C's rules ends the run.
     python benchmarks/sanitize.py [TEST ...]      # by default, the suites below
 
 Needs gcc with its sanitizers (libasan). Not for tests with CasADi's solvers, which those cannot watch. Leaks of
-Python are not looked for; the laws of the border do that.
+Python are left to the laws of the border.
 """
 
 from __future__ import annotations

@@ -4,10 +4,11 @@
         [certificate|input|semantics|meshes-files|distance|control|robots-files|threads ...]
         [--count N] [--seed S] [--seconds T] [--jobs J] [--first K] [--output FOLDER]
 
-Case k of a campaign depends on seed and k alone. Prints a table, one row for each campaign; to the error stream, what
-came out of each one, findings and worst times. "Wrong": certified and refuted, another meaning, another number; "over":
-a limit of time or memory. Each finding is kept in the output folder as `case_K`: its files, and what the judge found in
-judge.json. Exit code 1 if there is any.
+Case k of a campaign depends on seed and k alone. Prints a table, one row for each campaign, with the number of cases
+and what was tried in them (motions, inputs, poses, steps); to the error stream, what came out of each one, findings and
+worst times. "Wrong": certified and refuted, another meaning, another number; "over": a limit of time or memory. Each
+finding is kept in the output folder as `case_K`: its files, and what the judge found in judge.json. Exit code 1 if
+there is any.
 """
 
 from __future__ import annotations
@@ -68,7 +69,8 @@ def main() -> int:
             first=given.first,
         )
         print(tally.words(name), file=sys.stderr)
-        rows.append({"campaign": f"`{name}`: {words}", "tried": f"{tally.tried:,}", **tally.faults()})
+        counted = {"cases": f"{tally.cases:,}", "tried": f"{tally.tried:,}"}
+        rows.append({"campaign": f"`{name}`: {words}", **counted, **tally.faults()})
         findings += len(tally.findings)
     print(markdown_text(rows))
     return int(findings > 0)

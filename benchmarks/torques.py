@@ -1,4 +1,4 @@
-"""Random motions with a load: which of them can be driven, planned with torque limits and without.
+"""Random motions with a load: the share that can be driven, planned with and without torque limits.
 
 Between random configurations that are free and that every joint can hold, in the scenes of `SCENES`, with each mass on
 the tool. Each motion is planned twice, with `limits.torque` and without it and the load, and judged by the same

@@ -9,7 +9,7 @@ does but fill triangles, which a graphics card does elsewhere. It needs chromium
 
 With --drags, one scene is dragged so often (each a press, three movements and a release, with the motion that follows),
 without a browser: the time of a drag at the beginning and at the end, and the memory of the process before and after;
-then all of it is undone. After 13 minutes, at Ctrl-C, or when it is told to end, it stops and writes what it has.
+then all of it is undone. After 13 minutes, at Ctrl-C or SIGTERM, it stops and writes its results.
 """
 
 from __future__ import annotations

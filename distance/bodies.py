@@ -52,7 +52,7 @@ class ConvexBody:
     radius: float = 0.0  # [m] of the sphere that sweeps the polytope, >= 0
 
     def __repr__(self) -> str:
-        """Say how large it is."""
+        """Return its size, for display."""
         swept = f", swept by a sphere of {self.radius:g} m" if self.radius else ""
         count = len(self.vertices)
         return f"<ConvexBody: {count} {'vertex' if count == 1 else 'vertices'}{swept}>"
@@ -136,7 +136,7 @@ class ConvexBody:
 
         Its HD-SDF is the Hölder minimum of the pieces', as smooth and as safe in sign: see ``unions``.
 
-        Raises InputError for no pieces and for what is no body.
+        Raises InputError for no pieces and for pieces that are not bodies.
         """
         from hdplan.distance.unions import union_of
 

@@ -1,4 +1,4 @@
-"""Unions of convex bodies: what is not convex, cut into pieces that are.
+"""Unions of convex bodies: nonconvex bodies, cut into convex pieces.
 
 Of A = ∪ A_k and B = ∪ B_l, which move as one body each, D is the γ-Hölder minimum over the N pairs of pieces,
 
@@ -55,7 +55,7 @@ class BodyUnion:
     pieces: tuple[ConvexBody, ...]  # at least one
 
     def __repr__(self) -> str:
-        """Say of how many it is."""
+        """Return the number of its pieces, for display."""
         count = len(self.pieces)
         return f"<BodyUnion: {count} {'piece' if count == 1 else 'pieces'}>"
 

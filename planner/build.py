@@ -1,4 +1,4 @@
-"""Build: from a scene to the problem for a solver. The goal is chosen first, then the problem is laid out."""
+"""Build: from a scene to the problem for a solver. The goal is chosen first, then the problem is assembled."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) 
 
 
 def problem_of(setup: Setup, deadline: float = math.inf) -> Problem:
-    """Return the problem of a path between the configurations of start and goal, whatever their velocities; otherwise
-    as `build`."""
+    """Return the problem of a path between the configurations of start and goal, regardless of their velocities;
+    otherwise as `build`."""
     if isinstance(setup.scene.goal, JointTarget):
         return assemble(setup, setup.query, deadline)
     from hdplan.planner.search.goals import settled

@@ -1,4 +1,4 @@
-"""Why a problem has no certified motion, found by trying: what it would take for there to be one.
+"""Why a problem has no certified motion, by experiment: the changes with which it would have one.
 
 A problem that is refused says its cause itself. Where no certified motion was found, one thing after another is taken
 away or made more generous, such as the clearance, and planned again: the first that leads to a certified motion is the
@@ -33,8 +33,8 @@ CLEARANCE_FACTORS = (0.9, 0.5, 0.0)  # times the clearance
 SIZE_FACTORS = (0.5, 0.0)  # times what is unknown
 DURATION_FACTORS = (1.2, 1.5, 2.0, 3.0, 5.0, 10.0)  # times the duration
 MOST_TOGETHER = 240.0  # [s] for all of them
-LONGER, LONGEST = 5.0, 60.0  # times the time limit, up to so much [s]
-AROUND, DRAWS = (0.01, 0.03, 0.1, 0.3), 60  # [rad or m] about an end in which so many configurations are drawn
+TIME_FACTOR, LONGEST_TRIAL = 5.0, 60.0  # times the time limit, up to so much [s]
+DRAW_RANGES, DRAWS = (0.01, 0.03, 0.1, 0.3), 60  # [rad or m] about an end in which so many configurations are drawn
 REFUSALS = ("too_hurried", "bad_input", "goal_not_reached", "internal")  # and what begins with `end_`
 MEASURED = ("time", "disconnected")  # refusals of which a trial that helps tells more
 NAMING = {Status.OFF_PATH, Status.TOO_FAST, Status.OVERLOADED}  # verdicts that name their cause
@@ -109,7 +109,7 @@ def diagnose(
 
 
 def _measured(result: PlanResult) -> str:
-    """Return what came of a trial."""
+    """Return the outcome of a trial."""
     duration = result.trajectory.duration
     lasts = "" if duration is None else f", {duration:.3g} s long"
     return f"{result.certificate.text}{lasts}"
@@ -120,7 +120,7 @@ def _trials(scene: Scene, cause: str, blamed: Sequence[str], time_limit: float) 
     seconds = min(time_limit, MOST_SECONDS)
     searched = cause not in REFUSALS and not cause.startswith("end_")  # a motion was sought
     shut = cause == "disconnected"  # whatever time, torques and paths there are
-    most = min(max(LONGER * time_limit, MOST_SECONDS), LONGEST)
+    most = min(max(TIME_FACTOR * time_limit, MOST_SECONDS), LONGEST_TRIAL)
     longer = _Trial("time", f"a time limit of {most:g} s", scene, most)
     if cause == "time":
         yield longer
@@ -194,7 +194,8 @@ def _turning(scene: Scene) -> Scene | None:
 
 
 def _free_nearby(scene: Scene) -> str:
-    """Say which configuration near an end that is not allowed is; empty if none is found, or if obstacles move."""
+    """Return, in words, which configuration near an end that is not allowed is; empty if none is found, or if obstacles
+    move."""
     if any(each.motion is not None for each in scene.obstacles):
         return ""
     drawn = np.random.default_rng(0)
@@ -206,7 +207,7 @@ def _free_nearby(scene: Scene) -> str:
             q = robot.configuration(end, scene.from_request)
             if may_end(certifier, q):
                 continue
-            for reach in AROUND:
+            for reach in DRAW_RANGES:
                 for near in np.clip(q + drawn.uniform(-reach, reach, (DRAWS, len(q))), robot.lower, robot.upper):
                     if may_end(certifier, near):
                         joints = zip(robot.joint_names, near, strict=True)

@@ -1,4 +1,4 @@
-"""A page of HTML that stands by itself: a file, or a frame in a notebook."""
+"""A self-contained page of HTML: a file, or a frame in a notebook."""
 
 from __future__ import annotations
 
@@ -31,5 +31,5 @@ class HtmlPage:
         write_output(file, self.html.encode())
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: the page in a frame."""
+        """Return the HTML of a notebook: the page in a frame."""
         return FRAME.format(html.escape(self.html), HEIGHT, html.escape(self.title))

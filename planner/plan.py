@@ -71,21 +71,21 @@ def plan(
             after a small change of the scene, which is followed without further rounds where it costs about as much as
             before, or waypoints (R, n) in the order of the robot's joints. Its ends are
             moved to the scene's, which is noted. It is not trusted: the result is certified like any other motion, and
-            if the guess leads to none, the search continues as without it. Of several goals, the one nearest to its end
-            starts with it.
+            if the guess leads to no certified motion, the search continues without it. Of several goals, the one
+            nearest to its end starts with it.
         report: called with every step and every certificate.
         stop: called at every step; once it returns True, the best motion so far is certified and returned. A
             KeyboardInterrupt does the same, except at moments in which a C++ library swallows it.
-        terms: costs, penalties and constraints of one's own in symbols. Constraints are kept at the waypoints: where
-            the best motion found leaves one, a note says how far. The certificate does not know of them.
+        terms: your own costs, penalties and constraints in symbols. Constraints are kept at the waypoints; a note gives
+        the violation of the best motion. The certificate does not know them.
 
     Raises:
         UnsolvableError: the scene allows no motion, and its `cause` says why: an end is not allowed, or, once guesses
             failed for some time, it is proven that no motion exists (`certificate.infeasibility`).
         TimeLimitError: a `deadline.time_limit` passed before there was a motion.
         InputError: for errors in the scene or robot, including a start or goal in collision or off a path constraint;
-            for a guess whose joints are not the robot's, or beyond their limits; and for a term that is no `OwnTerm`,
-            of other sizes, or not twice differentiable.
+            for a guess whose joints are not the robot's, or beyond their limits; and for a term that is not an
+            `OwnTerm`, of a wrong size, or not twice differentiable.
     """
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
@@ -196,7 +196,7 @@ def _attempts(searches: Sequence[Search]) -> int:
 
 
 def _ended(searches: Sequence[Search], taken: int, seconds: float) -> str:
-    """Say what the time limit ended, of so many seconds; nothing where no more was to be done."""
+    """Return, in words, what a time limit of so many seconds ended; empty if the search was complete."""
     reached = f"time limit of {seconds:g} s reached"
     if not searches[taken].certified:
         guesses = _attempts(searches)
@@ -241,7 +241,7 @@ def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tu
 
 
 def _retimer(setup: Setup, certifier: Certifier) -> Retimer | None:
-    """Return the retimer, if the scene asks for times; a robot that moves is to brake without meeting anything."""
+    """Return the retimer, if the scene requires times; a robot that moves is to brake without meeting anything."""
     if not setup.scene.timed:
         return None
     from hdplan.planner.timing.retiming import Retimer
@@ -250,7 +250,8 @@ def _retimer(setup: Setup, certifier: Certifier) -> Retimer | None:
 
 
 def _slide(certifier: Certifier, goal: JointTarget, required: float) -> Slide | None:
-    """Return what moves a motion's end along the goal set, if there is a choice and the motion is to be bettered."""
+    """Return the function that moves a motion's end along the goal set, if there is a choice and the motion is
+    improved."""
     if isinstance(certifier.scene.goal, JointTarget) or not certifier.scene.polish:
         return None
     from hdplan.planner.search.goal_slide import sliding
@@ -259,7 +260,7 @@ def _slide(certifier: Certifier, goal: JointTarget, required: float) -> Slide | 
 
 
 def _taken(searches: Sequence[Search], taken: int, goal: JointTarget) -> str:
-    """Say which goal was chosen, out of how many."""
+    """Return, in words, which goal was chosen, out of how many."""
     tried = sum(search.attempts > 0 for search in searches)
     found = sum(search.certified for search in searches)
     joints = zip(searches[taken].problem.robot.joint_names, goal.positions or (), strict=True)

@@ -91,7 +91,7 @@ class PlanResult:
         return f"<PlanResult of {self.scene} with {self.robot}: {self.certificate.text}>"
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: the verdict, and a small plot of the motion if matplotlib is installed."""
+        """Return the HTML of a notebook: the verdict, and a small plot of the motion if matplotlib is installed."""
         import hdplan.planner
 
         return str(hdplan.planner.result_html(self))
@@ -111,13 +111,14 @@ class PlanResult:
 
     @property
     def timed_out(self) -> bool:
-        """True if the time limit ended the search, or the bettering of its motion: another run may find another one."""
+        """True if the time limit ended the search, or the improvement of its motion: another run may find another
+        motion."""
         return bool(self.ended)
 
     def summary(self) -> dict[str, Any]:
         """Return the result as one JSON object: status, clearance [m], worst place, times [s], counts; the objective,
-        by which motions were compared, and its value; the duration of the motion [s] if it has times; the goal that was
-        chosen, if the scene leaves a choice; whether the time limit ended the search; and the notes."""
+        by which motions were compared, and its value; the duration of the motion [s] if it has times; the chosen goal,
+        if the scene leaves a choice; whether the time limit ended the search; and the notes."""
         goal = {"goal": {"of": self.goal.field, "joints": self.goal.positions}} if self.goal else {}
         return {
             "status": self.certificate.status.value,

@@ -1,4 +1,4 @@
-"""Loads of links: held objects, which collide as the links do, and payloads, which only have mass."""
+"""Loads of links: held objects, which collide like the links, and payloads, which only have mass."""
 
 from __future__ import annotations
 

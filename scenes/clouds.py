@@ -103,7 +103,7 @@ def ignored_of(value: object) -> tuple[Ignored, ...]:
 @dataclass(frozen=True, repr=False)
 class Ignored(Checked):
     """Points within `margin` [m] of one link (or held object) at the start, or of another obstacle, are left out: they
-    are its image, and it is modelled itself."""
+    are the image of a body that the scene models itself."""
 
     margin: Margin
     link: Name | None = None
@@ -123,8 +123,8 @@ class Cloud(Checked):
     """Points [m] in its frame, from a file, an array or a depth image: the obstacle is the union of the balls of
     `radius` [m] about them; each may have its own. In a scene's list of obstacles it may carry its own name and pose.
 
-    The frame of a depth image is the camera's optical frame; the balls of its pixels cover what they saw, and `radius`,
-    0 by default, is added to theirs.
+    The frame of a depth image is the camera's optical frame; the balls of its pixels cover the surfaces that they saw,
+    and `radius`, 0 by default, is added to their radii.
     """
 
     points: Annotated[Path | FixedArray | DepthImage, point_source]

@@ -96,9 +96,9 @@ class Line(_ToEnd):
 
 @dataclass(frozen=True, repr=False)
 class Circle(_ToEnd):
-    """A link's frame moves on an arc of a circle to an end, as a line does: `interim` is a point through which it
-    leads, or `center` its centre, around which it takes the shorter way. With `by` they are shifts in `frame` from
-    where the link is at the beginning, with `to` positions in the world."""
+    """A link's frame moves on an arc of a circle to an end, like a line: `interim` is a point on the arc, or `center`
+    its centre, around which it takes the shorter way. With `by` they are shifts in `frame` from the link's place at the
+    beginning, with `to` positions in the world."""
 
     interim: Place | None = None  # [m]
     center: Place | None = None  # [m]
@@ -137,8 +137,8 @@ class Circle(_ToEnd):
 
 @dataclass(frozen=True, repr=False)
 class Along(Curve):
-    """A link's frame follows poses in a `frame`, from the first, where it is, to the last: straight from each to the
-    next, turning evenly."""
+    """A link's frame follows poses in a `frame`, from the first, its current one, to the last: straight from each to
+    the next, turning evenly."""
 
     poses: Annotated[tuple[Pose, ...], poses_along] = NEEDED
     frame: Name = WORLD  # "world", "tool", as it is at the beginning, or an object's name
@@ -166,5 +166,5 @@ class Along(Curve):
     @staticmethod
     def read(path: str | Path) -> tuple[Pose, ...]:
         """Return the poses of a CSV file with the columns x, y, z, qx, qy, qz and qw, in any order, and maybe time,
-        which says nothing here. Raises InputError."""
+        which is not used. Raises InputError."""
         return read_pose_table(path)

@@ -80,7 +80,7 @@ DEBUG = "HDPLAN_DEBUG"  # in the environment: shows an internal error whole, not
 
 
 def debugging() -> bool:
-    """True if whoever runs this asks for internal errors whole."""
+    """True if whoever runs this requires internal errors whole."""
     return os.environ.get(DEBUG, "0") not in ("", "0")
 
 

@@ -1,6 +1,6 @@
 """A job: stages that a robot does one after the other, each beginning where the last one ended.
 
-A stage moves the arm (`Move`, `Line`, `Circle`, `Along`), moves the fingers and takes hold of an object or lets go of
+A stage moves the arm (`Move`, `Line`, `Circle`, `Along`), moves the fingers and takes hold of an object or releases
 it (`Grip`, `Release`), sets outputs (`Set`), or waits (`Wait`). What each names is looked up when the job is planned.
 """
 
@@ -83,8 +83,8 @@ class _Hand(AnyStage):
 
 @dataclass(frozen=True, repr=False)
 class Grip(_Hand):
-    """Fingers close on an `object`, which is held by `link` afterwards, as it then stands; without an object they just
-    move. What the object may touch of the hand by `touch`, it may touch until it is released."""
+    """Fingers close on an `object`, which is then held by `link` at its current pose; without an object they only move.
+    Contacts of the object with the hand that `touch` allows are allowed until its release."""
 
     link: Name | None = None  # that carries the object; None: the end effector
     mass: Annotated[float, Number(above=0.0, unit="kg")] | None = None  # of the object; where torques are limited [kg]
@@ -113,7 +113,7 @@ class Grip(_Hand):
 
 @dataclass(frozen=True, repr=False)
 class Release(_Hand):
-    """Fingers open and let go of an `object`, which stays where it is; without an object they just move."""
+    """Fingers open and release an `object`, which stays in its place; without an object they only move."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -149,8 +149,8 @@ def _output(value: object) -> Output:
 
 @dataclass(frozen=True, repr=False)
 class Set(AnyStage):
-    """Outputs are set, by name, where the stage begins; the robot stands still for a moment. What they mean nobody here
-    knows: the marks of the motion hold them."""
+    """Outputs are set, by name, where the stage begins; the robot stands still for a moment. hdplan does not interpret
+    them: the marks of the motion hold them."""
 
     outputs: Annotated[Mapping[str, Output], outputs_of] = NEEDED
 
@@ -224,7 +224,7 @@ class Job(Checked):
             hdplan.Wait(0.5),
         ])
 
-    Raises InputError for no stages, something else than stages, and two of one name.
+    Raises InputError for an empty list, for anything but stages, and for two stages of one name.
     """
 
     stages: Annotated[tuple[Stage, ...], stages_of] = NEEDED

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-# Possessive (`++`): a million digits before a wrong letter are looked at once.
+# Possessive (`++`): a million digits before a wrong letter are examined once.
 _NUMBER = re.compile(r"[-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?")
 _WHOLE = re.compile(r"[-+]?[0-9]{1,18}")
 _NUMBERS, _WHOLES = (re.compile(rf"{each.pattern}(?: {each.pattern})*") for each in (_NUMBER, _WHOLE))

@@ -16,7 +16,7 @@ from hdplan.scenes.sizes import Uncertainty
 from hdplan.scenes.values import Checked, Name, Number, Numbers, Row, checked, is_row, wrong
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
-Seen = Cloud | Voxels | OctoMap  # what a camera or a map gives, in the place of a shape
+Seen = Cloud | Voxels | OctoMap  # what a camera or a map gives, in place of a shape
 Clearance = Annotated[float, Number(0.0, 1.0, unit="m")]
 
 

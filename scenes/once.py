@@ -78,7 +78,7 @@ class _Turn:
 def made_once(most: int) -> Callable[[Callable[Arguments, Made]], Callable[Arguments, Made]]:
     """Cache the `most` last used values of a function, by its arguments, which must be hashable.
 
-    Like `functools.lru_cache`, but when several threads ask for the same value at once, one makes it and the others
+    Like `functools.lru_cache`, but when several threads require the same value at once, one makes it and the others
     wait: for values that take seconds to make, and for those that must be one and the same object for all. Errors are
     not cached; the next caller tries again.
     """

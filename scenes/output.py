@@ -22,7 +22,7 @@ def check_writable(path: Path, endings: tuple[str, ...]) -> None:
     if os.path.isdir(path):
         raise InputError(f"{path}: is a folder, a file name is needed")
     if os.path.exists(path) and not os.path.isfile(path):
-        raise InputError(f"{path}: is no regular file, and would be replaced by one")
+        raise InputError(f"{path}: is not a regular file, and would be replaced by one")
     if not os.path.isdir(path.parent):
         raise InputError(f"{path}: the folder {path.parent} does not exist")
     if os.path.exists(path) and not os.access(path, os.W_OK):

@@ -27,7 +27,7 @@ class PlannerSettings(Checked):
     normals: Annotated[str, Choice(("faces", "box", "sphere"))] = "box"
     """Candidate normals of an obstacle: faces (6 for a box), box (26) or sphere (122)."""
     polish: Annotated[int, Whole(0, 10_000)] | None = (
-        None  # rounds that try to better the first motion; None: `Scene.polish`
+        None  # rounds that try to improve the first motion; None: `Scene.polish`
     )
     objective: Annotated[str, Choice(OBJECTIVES)] | None = (
         None  # of certified motions, the best; None: `Scene.objective`

@@ -23,7 +23,7 @@ def listening(listener: Callable[[str], None]) -> Iterator[None]:
 
 
 def tell(doing: str) -> None:
-    """Say what is being done now."""
+    """Show what is being done now."""
     listener = _listener.get()
     if listener is not None:
         listener(doing)

@@ -91,12 +91,12 @@ class PlanarBase(Checked):
 class RobotSpec(Checked):
     """A robot, where it stands, which joints are planned and which are locked."""
 
-    name: Name | None = None  # in example-robot-data; or else a URDF:
+    name: Name | None = None  # of a robot in example-robot-data; or else `urdf`
     urdf: Annotated[Path, absolute_path] | None = None
     srdf: Annotated[Path, absolute_path] | None = None
     package_dirs: Annotated[
         tuple[Path, ...], Row(absolute_path, of="folders")
-    ] = ()  # where the packages that the URDF or xacro names are looked for first
+    ] = ()  # where the packages that the URDF or xacro names are sought first
     xacro_args: Annotated[Mapping[str, str], Named(argument)] = field(default_factory=dict)  # of a xacro: name -> value
     group: Annotated[str | tuple[str, ...], group_of] | None = None
     """Which joints are planned: those of a group of the SRDF, or these joints; None: those of the arm."""

@@ -48,11 +48,11 @@ class Scene(Checked):
     Pass arguments by name. `robot` is a name listed by `hdplan robots`, or a RobotSpec. `obstacles` are Obstacles, or
     shapes with a pose. `start` is a row of joint values in the robot's order [rad or m], a mapping from joint names to
     values, the name of an SRDF state, or a State, which has a velocity, too. `goal` is one of these too, or a Pose or
-    PoseTarget, or a list of any of them, each of which will do; with a `job` it is left out, and reads as the start.
+    PoseTarget, or a list of alternatives; with a `job` it is left out, and reads as the start.
     The other arguments are the sections of a scene file.
 
     Raises InputError for any value that would be refused in a file, with the same message. Names of joints, links,
-    states and robots, and what one section needs of another, are checked when the scene is planned.
+    states and robots, and the needs of one section from another, are checked when the scene is planned.
     """
 
     name: str = field(default="scene", compare=False)
@@ -70,7 +70,7 @@ class Scene(Checked):
     payload: Payload | None = None
     path: PathConstraints = field(default_factory=PathConstraints)
     timing: Timing | None = None
-    job: Job | None = None  # in the place of a goal: stages, planned one after the other
+    job: Job | None = None  # in place of a goal: stages, planned one after the other
     notes: tuple[str, ...] = field(default=(), compare=False)  # what the reader changed or left out
 
     if TYPE_CHECKING:
@@ -174,19 +174,19 @@ class Scene(Checked):
             )
 
     def with_start(self, start: AnyConfiguration | Goals) -> Scene:
-        """Return the same scene with another start, in any form that `Scene` takes, or a goal without a choice. Raises
-        InputError as `Scene` does."""
+        """Return a copy of the scene with another start, in any form that `Scene` takes, or a goal without a choice.
+        Raises InputError as `Scene` does."""
         goal = {} if self.job is None else {"goal": None}  # which reads as the start
         return dataclasses.replace(self, start=start, **goal)  # type: ignore[arg-type]
 
     def with_goal(self, goal: AnyGoal) -> Scene:
-        """Return the same scene with another goal, in any form that `Scene` takes. Raises InputError as `Scene`
+        """Return a copy of the scene with another goal, in any form that `Scene` takes. Raises InputError as `Scene`
         does."""
         return dataclasses.replace(self, goal=goal)  # type: ignore[arg-type]
 
     def with_obstacles(self, obstacles: Sequence[Obstacle | Solid | Seen]) -> Scene:
-        """Return the same scene with other obstacles in the place of its own, in any form that `Scene` takes; with more
-        by ``[*scene.obstacles, another]``. Raises InputError as `Scene` does."""
+        """Return a copy of the scene with other obstacles in place of its own, in any form that `Scene` takes; with
+        more by ``[*scene.obstacles, another]``. Raises InputError as `Scene` does."""
         return dataclasses.replace(self, obstacles=obstacles)  # type: ignore[arg-type]
 
     def save(self, path: str | Path) -> None:
@@ -206,7 +206,7 @@ class Scene(Checked):
     def check_effects(self) -> None:
         """Refuse sections that need another one: ends with a velocity without acceleration limits, a payload without
         torque limits or energy, moving obstacles without a duration, a timed motion with neither a duration nor
-        acceleration limits, an objective without what it measures. Raises InputError."""
+        acceleration limits, an objective without the data that it measures. Raises InputError."""
         for name, end in (("start", self.start), ("goal", self.goal)):
             if isinstance(end, JointTarget) and end.moves and self.limits.acceleration is None:
                 raise FieldError(
@@ -256,14 +256,14 @@ class Scene(Checked):
 
     @property
     def polish(self) -> int:
-        """Number of rounds that try to better the first motion: `planner.polish`, or else as many as make most of the
-        difference: two where time is the objective, one for smoothness, and none for energy."""
+        """Number of rounds that try to improve the first motion: `planner.polish`, or else as many as bring most of the
+        gain: two where time is the objective, one for smoothness, and none for energy."""
         rounds = self.planner.polish
         return {"time": 2, "smoothness": 1, "energy": 0}[self.objective] if rounds is None else rounds
 
     @property
     def standing(self) -> tuple[Obstacle, ...]:
-        """The obstacles that stay where they are."""
+        """The static obstacles."""
         return tuple(obstacle for obstacle in self.obstacles if not obstacle.moves)
 
     @property

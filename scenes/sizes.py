@@ -1,5 +1,5 @@
-"""Sizes of what a scene does not know: where obstacles really are, how far a controller lags, how well the robot's
-place is known. A world is *within the sizes* if all of it is; what is certified is certified in every such world."""
+"""Sizes of a scene's uncertainties: of the poses of obstacles, of a controller's errors and of the robot's place. A
+world is *within the sizes* if all its parts are; a certificate holds in every such world."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ def _times(size: JointSizes, share: float) -> JointSizes:
 
 @dataclass(frozen=True, repr=False)
 class Uncertainty(Sized):
-    """An obstacle is not quite where the scene says: each of its points may be up to `position` away from where the
-    pose, turned by up to `orientation` about the obstacle's origin, has it, and up to `speed` times the time more."""
+    """The uncertainty of an obstacle's pose: each of its points may be up to `position` away from its place in the
+    pose, turned by up to `orientation` about the obstacle's origin, and up to `speed` times the time farther."""
 
     position: Distance = 0.0  # [m]
     orientation: Turn = 0.0  # [rad] about any axis through its origin
@@ -73,7 +73,7 @@ class Uncertainty(Sized):
 
 @dataclass(frozen=True, repr=False)
 class Tracking(Sized):
-    """By how much the joints may be off the motion while the controller executes it."""
+    """Largest deviations of the joints from the motion while a controller executes it."""
 
     position: Annotated[JointSizes, JointSize("rad or m", 1.0)] = 0.0
     velocity: Annotated[JointSizes, JointSize("rad/s or m/s")] = 0.0

@@ -1,4 +1,4 @@
-"""Maps of space as cells: voxel grids, and octomaps. The obstacle is the union of the occupied cells."""
+"""Maps of occupied cells: voxel grids, and octomaps. The obstacle is the union of the occupied cells."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def map_source(value: object) -> Path | bytes:
 
 @dataclass(frozen=True, repr=False)
 class Voxels(Checked):
-    """A grid of cubes of edge `size` [m], from a file or an array (x, y, z) that is true where something is; `origin`
-    is the corner of the first cube with the least coordinates, in the grid's frame. In a scene's list of obstacles it
-    may carry its own name and pose."""
+    """A grid of cubes of edge `size` [m], from a file or an array (x, y, z) that is true where a cube is occupied;
+    `origin` is the corner of the first cube with the least coordinates, in the grid's frame. In a scene's list of
+    obstacles it may carry its own name and pose."""
 
     occupied: Annotated[Path | FixedArray, grid_source]
     size: Annotated[float, Number(above=0.0, unit="m")]
@@ -78,8 +78,8 @@ class Voxels(Checked):
 @dataclass(frozen=True, repr=False)
 class OctoMap(Checked):
     """An octomap, by its file or that file's content: .bt (binary) or .ot (with probabilities, of which at least 0.5
-    means occupied), in its own frame. What it does not know is free, or with `unknown: occupied` an obstacle within the
-    box around all that it knows. In a scene's list of obstacles it may carry its own name and pose."""
+    means occupied), in its own frame. Unknown space is free, or with `unknown: occupied` an obstacle within the box
+    around all known cells. In a scene's list of obstacles it may carry its own name and pose."""
 
     source: Annotated[Path | bytes, map_source]
     unknown: Annotated[str, Choice(("free", "occupied"))] = "free"

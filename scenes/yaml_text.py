@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from hdplan.scenes.errors import InputError
 
-LONG_KEY = 1000  # characters; YAML parsers look for the colon within 1024
+LONG_KEY = 1000  # characters; YAML parsers seek the colon within 1024
 _HALF = re.compile("[\ud800-\udfff]")
 
 

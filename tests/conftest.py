@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 from hdplan.distance.studies import stopwatch
 from hdplan.planner.terminal import console
@@ -49,13 +50,15 @@ def pytest_configure(config: pytest.Config) -> None:
         if shutil.which("cc"):
             os.environ.setdefault("CC", str(QUICK_CC))
         stopwatch.LEAST_TIME = 0.01  # the times of studies are not examined
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of child processes
+    threadpool_limits(int(os.environ["OPENBLAS_NUM_THREADS"]), user_api="blas")  # threads wait where cores are few
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Collect without collecting garbage: of the tests' ten thousand objects there is none, and each is looked at."""
+    """Collect without collecting garbage: the tests' ten thousand objects hold none, and each pass visits all."""
     gc.disable()
     try:
         return (yield)

@@ -6,6 +6,7 @@ Argument: the copy's folder. Standard output: JSON list of [recipe, files touche
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import importlib
 import io
 import json
@@ -114,6 +115,51 @@ def read_words(data):
     values = np.array([[float(value) for value in row.split()] for row in rows])
     return {"joint_names": tuple(names.split()), "positions": values}
 '''
+LENGTH = '''class Length(Objective):
+    """The length of the path."""
+
+    name, unit = "length", "rad"
+
+    def value(self, path: Array, motion: Trajectory) -> float:
+        return self.least_along(path)
+
+    def least_along(self, path: Array) -> float:
+        return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+    def least(self, problem: Problem) -> float:
+        return float(np.linalg.norm(problem.goal - problem.start))
+
+
+'''
+CHAIN = '''"""A robot of equal links in a row, each turned about z."""
+from xml.etree.ElementTree import Element, fromstring
+from hdplan.scenes.robot_files.mjcf import Converted
+
+def chain(root, path):
+    count = int(root.get("links"))
+    links = "".join(f"<link name='l{i}'/>" for i in range(count + 1))
+    limit = "<axis xyz='0 0 1'/><limit lower='-1' upper='1' velocity='1' effort='1'/>"
+    joints = "".join(
+        f"<joint name='j{i}' type='revolute'><parent link='l{i}'/><child link='l{i + 1}'/>"
+        f"<origin xyz='{0.1 * bool(i)} 0 0'/>{limit}</joint>"
+        for i in range(count)
+    )
+    return Converted(fromstring(f"<robot name='chain'>{links}{joints}</robot>"), notes=("a chain",))
+'''
+BALL = '''class Ball:
+    """A ball at the origin of the world."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server, self._node = server, None
+
+    def show(self, on: bool) -> None:
+        if on and self._node is None:
+            self._node = self._server.scene.add_icosphere("/ball_of_a_recipe", 0.1)
+        if self._node is not None:
+            self._node.visible = on
+
+
+'''
 UNION = "Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh\n"
 LIMIT = "planner/certificate/limit_checks.py"
 RECIPES: dict[str, list[tuple[str, Edits]]] = {
@@ -191,6 +237,38 @@ RECIPES: dict[str, list[tuple[str, Edits]]] = {
             ],
         ),
     ],
+    "An objective": [
+        ("scenes/planner_settings.py", [('LINK_BODIES = ("fitted"', 'OBJECTIVES = (*OBJECTIVES, "length")\n')]),
+        (
+            "planner/search/objective.py",
+            [
+                ("class Smoothness(Objective)", LENGTH),
+                ('        case "energy":\n', '        case "length":\n            return Length()\n'),
+            ],
+        ),
+    ],
+    "A language of robots": [
+        ("scenes/robot_files/chain.py", [("", CHAIN)]),
+        (
+            "scenes/robot_files/urdf_text.py",
+            [
+                ("from hdplan.scenes.robot_files.mjcf ", "from hdplan.scenes.robot_files.chain import chain\n"),
+                ('    "mujoco": as_urdf,\n', '    "chain": chain,\n'),
+            ],
+        ),
+    ],
+    "A layer of the viewer": [
+        ("planner/view/marks.py", [("class Trail:", BALL)]),
+        (
+            "planner/view/layers.py",
+            [
+                ("from hdplan.planner.view.marks import ", "from hdplan.planner.view.marks import Ball\n"),
+                ('    NAMES: (False, "where', '    "ball": (False, "at the origin"),\n'),
+                ("        self.plane, self.boxes = PlaneLayer", "        self.ball = Ball(viewer.server)\n"),
+                ("        self.boxes.show(self.on(BOXES))", '        self.ball.show(self.on("ball"))\n'),
+            ],
+        ),
+    ],
     "A solver": [("planner/solvers/methods/straight.py", [("", SOLVER), ("", "SOLVER = Solver(solve)\n")])],
     "A command": [
         ("planner/commands/hello.py", [("", '"""Greets."""\n\ndef hello():\n    print("hello")\n    return 0\n')]),
@@ -199,10 +277,7 @@ RECIPES: dict[str, list[tuple[str, Edits]]] = {
             [
                 (
                     "def _version(",
-                    "@app.command()\ndef hello() -> None:\n"
-                    '    """Greet."""\n'
-                    "    from hdplan.planner.commands.hello import hello as run\n\n"
-                    "    raise typer.Exit(run())\n\n\n",
+                    '@command(app, "hello.hello")\ndef hello() -> None:\n    """Greet."""\n\n\n',
                 )
             ],
         ),
@@ -294,6 +369,42 @@ def written() -> str:
     return message
 
 
+def by_length() -> str:
+    """What a scene's file with this objective plans, and what the motion achieves."""
+    settings = part("scenes.planner_settings").PlannerSettings(polish=0, objective="length")
+    scene = dataclasses.replace(timed(), planner=settings)
+    found = importlib.import_module("hdplan").plan(scene)
+    rows = found.trajectory.positions
+    achieved = found.objective
+    assert achieved.value >= 0.999 * float(((rows[-1] - rows[0]) ** 2).sum() ** 0.5)
+    return f"{achieved.name} [{achieved.unit}]: {found.certificate.text}"
+
+
+def chained() -> str:
+    """A robot in the new language: planned, and shown with its note."""
+    (TREE / "arm.xml").write_text("<chain links='2'/>", encoding="utf-8")
+    module = importlib.import_module("hdplan")
+    scene = module.Scene(robot=module.RobotSpec(urdf=TREE / "arm.xml"), start=[0.0, 0.0], goal=[0.5, 0.5])
+    assert "a chain" in module.load_robot(scene.robot).notes
+    return planned(scene)
+
+
+def layered() -> str:
+    """The nodes that the layer's box shows, and hides again."""
+    front = part("planner.view.server").open_viewer(timed(), [], port=8280, complain=print)
+    try:
+        layers, nodes = front.panel.layers, front.server.scene._handle_from_node_name
+        seen = []
+        for on in (True, False):
+            layers.set("ball", on)
+            front.worker.settle(30.0)
+            layers._switch()
+            seen.append("/ball_of_a_recipe" in nodes and nodes["/ball_of_a_recipe"].visible)
+        return f"seen: {seen}; hint: {part('planner.view.layers').LAYERS['ball'][1]}"
+    finally:
+        front.close()
+
+
 def greeted() -> str:
     output, sys.argv = io.StringIO(), ["hdplan", "hello"]
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
@@ -304,7 +415,7 @@ def greeted() -> str:
     return output.getvalue()
 
 
-PROBES: dict[str, dict[str, Callable[[], str]]] = {  # what is asked after each step, or at last
+PROBES: dict[str, dict[str, Callable[[], str]]] = {  # the checks after each step, or at last
     "A limit": {
         "at last": followed,
         "certify": lambda: certified(torque_rate=1e5),
@@ -313,6 +424,9 @@ PROBES: dict[str, dict[str, Callable[[], str]]] = {  # what is asked after each 
     },
     "A shape": {"plan": around},
     "A trajectory file": {"save": written},
+    "An objective": {"plan": by_length},
+    "A language of robots": {"plan": chained},
+    "A layer of the viewer": {"switch": layered},
     "A solver": {"plan": lambda: planned(timed(), "straight")},
     "A command": {"run": greeted},
 }

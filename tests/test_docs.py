@@ -18,6 +18,7 @@ import typer
 import hdplan
 from hdplan import cli
 from hdplan.scenes.yaml_format.reader import shipped_jobs, shipped_scenes
+from tests.commands import in_process
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = {
@@ -117,6 +118,7 @@ def test_install_lines_work_from_a_checkout() -> None:
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])
 def test_the_python_runs(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("hdplan.planner.batch.many.cores", lambda: 1)  # a worker takes seconds to start
     for code in blocks(page, "python"):
         exec(compile(code, page, "exec"), {"__name__": "__main__"})
 
@@ -131,6 +133,35 @@ def test_the_scenes_plan(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPa
             with pytest.raises(SystemExit) as caught:
                 cli.main()
             assert caught.value.code == 0
+
+
+def words(line: str) -> str:
+    """A line of an output without figures, bars and the widths of its columns."""
+    return " ".join(re.sub(r"[\d.e+-]*\d|[─█-▏]+", "#", line).split())
+
+
+TRANSCRIPTS = [
+    (page, block.splitlines())
+    for page in PAGES
+    for block in blocks(page, "text")
+    if block.startswith("$ hdplan") and len(block.splitlines()) > 1
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("page", "lines"), TRANSCRIPTS, ids=[f"{page}-{lines[0]}" for page, lines in TRANSCRIPTS])
+def test_the_transcripts_show_what_the_commands_print(
+    page: str, lines: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In their words; an excerpt leaves lines out."""
+    run = in_process(monkeypatch, capsys)
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.chdir(tmp_path)
+    call = shlex.split(lines[0])[2:]
+    if "motion.json" in call:
+        assert run("plan", call[1], "-o", "motion.json").code == 0
+    printed = [words(line) for line in run(*call).out.splitlines()]
+    assert [line for line in lines[1:] if words(line) not in printed] == []
 
 
 @pytest.mark.parametrize(
@@ -188,6 +219,15 @@ def test_the_tutorial_runs(notebook: Path, tmp_path: Path, monkeypatch: pytest.M
 def test_every_file_that_is_named_exists(page: str) -> None:
     named = re.findall(r"`((?:planner|distance|scenes|tests|benchmarks|docs|src)/[\w./]+)`", PAGES[page])
     assert [name for name in named if not (ROOT / name).exists() and "NAME" not in name] == []
+
+
+def test_every_benchmark_is_named_or_run_by_another() -> None:
+    sources = {path.stem: path.read_text(encoding="utf-8") for path in sorted((ROOT / "benchmarks").glob("*.py"))}
+    pages = "\n".join(PAGES.values())
+    for name, source in sources.items():
+        others = "\n".join(text for other, text in sources.items() if other != name)
+        run = re.search(rf"\b{name}\b", re.sub(r'""".*?"""', "", others, flags=re.DOTALL))
+        assert "__main__" not in source or f"benchmarks/{name}.py" in pages or run, name
 
 
 def test_every_shipped_scene_is_named_and_in_the_gallery(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,7 +30,7 @@ from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from tests.waiting import until
 
 ARM = shipped_scenes()["planar_arm"]
-LOADING = "hdplan: loading the robot's meshes ...\n"  # said where it takes long
+LOADING = "hdplan: loading the robot's meshes ...\n"  # written where loading takes long
 HEAD = "hdplan: 1\nrobot: {name: panda}\nstart: {state: default}\ngoal: {state: default}\n"
 GOOD = Trajectory(("shoulder", "elbow"), np.array([[-0.8, 0.3], [0.1, 0.2], [1.0, 0.4]]), {}, np.array([0.0, 1.0, 2.0]))
 
@@ -43,7 +43,7 @@ def refusal(read: Callable[[], object]) -> str:
 
 
 def refusal_if_any(read: Callable[[], object]) -> str | None:
-    """What is said of a refused file; None if it is read."""
+    """The message on a refused file; None if it is read."""
     try:
         read()
     except InputError as error:
@@ -259,7 +259,7 @@ def test_what_is_no_file_is_refused_at_once(
     if kind != "a device":  # a link to a device is replaced as any link is
         before = sorted(os.listdir(tmp_path))
         target = path.rename(path.with_suffix(".json"))
-        wanted = "is a folder" if kind == "a directory" else "is no regular file"
+        wanted = "is a folder" if kind == "a directory" else "is not a regular file"
         monkeypatch.setattr(sys, "argv", ["hdplan", "plan", "planar_arm", "-o", str(target)])
         with pytest.raises(SystemExit) as end:
             cli.main()

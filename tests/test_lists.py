@@ -91,7 +91,7 @@ class Magnetic(Scene):
 
 
 def with_field(value: Any, name: str, held: object) -> Any:
-    """A frozen value with a field that no check would let in."""
+    """A frozen value with a field that every check would refuse."""
     other = dataclasses.replace(value)
     object.__setattr__(other, name, held)
     return other
@@ -228,12 +228,12 @@ def skins() -> Any:
 
 
 def of(obstacle: Obstacle) -> Scene:
-    """A scene with an obstacle that no check would let in."""
+    """A scene with an obstacle that every check would refuse."""
     return with_field(load_scene("empty"), "obstacles", (obstacle,))
 
 
 def along(constraint: object) -> Scene:
-    """A scene with a path constraint that no check would let in."""
+    """A scene with a path constraint that every check would refuse."""
     return with_field(load_scene("empty"), "path", with_field(PathConstraints(), "upright", constraint))
 
 

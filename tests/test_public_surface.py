@@ -1,5 +1,5 @@
-"""The doors: what `hdplan`, `hdplan.distance`, `hdplan.control` and `hdplan.symbolic` offer is what stubs list, is
-documented, and can be pickled, copied and looked at."""
+"""The doors: the names of `hdplan`, `hdplan.distance`, `hdplan.control` and `hdplan.symbolic` are those of the stubs,
+are documented, and can be pickled, copied and printed."""
 
 from __future__ import annotations
 

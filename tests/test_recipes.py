@@ -1,6 +1,6 @@
 """The recipes of docs/contributing.md, followed in a copy of the tree: what a step leaves undone fails by name.
 
-A child process adds a limit, a shape, a trajectory file, a solver and a command, with a fresh hdplan after each step.
+A child process adds a dummy of each kind (`NAMES` and others), with a fresh hdplan after each step.
 """
 
 from __future__ import annotations
@@ -17,7 +17,17 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 CHILD = Path(__file__).with_name("recipes_child.py")
-NAMES = {"A limit": "torque_rate", "A solver": "straight", "A command": "hello", "A trajectory file": "words"}
+NAMES = {
+    "A limit": "torque_rate",
+    "A shape": "",
+    "An objective": "",
+    "A trajectory file": "words",
+    "A language of robots": "chain",
+    "A layer of the viewer": "",
+    "A solver": "straight",
+    "A command": "hello",
+}
+COUNTS = {"One": 1, "Two": 2, "Three": 3, "Five": 5}  # of files, as the page says
 Found = dict[tuple[str, tuple[str, ...], str], str]
 
 
@@ -38,19 +48,26 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
     return {(recipe, tuple(files), probe): outcome for recipe, files, probe, outcome in json.loads(done.stdout)}
 
 
+def section(recipe: str) -> str:
+    """A recipe of the page."""
+    text = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
+    return text.partition(f"### {recipe}\n")[2].partition("\n#")[0]
+
+
 def steps(recipe: str) -> list[str]:
     """The files that a recipe names first in each of its steps; of one without steps, the first that it names."""
-    text = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
-    section = text.partition(f"### {recipe}\n")[2].partition("\n#")[0]
-    files = re.findall(r"^\d+\. [^`]*`([\w./]+\.py)`", section, re.MULTILINE)
-    files = files or re.findall(r"`([\w./]+\.py)`", section)[:1]
-    return [file.replace("NAME", NAMES.get(recipe, "")) for file in files]
+    files = re.findall(r"^\d+\. [^`]*`([\w./]+\.py)`", section(recipe), re.MULTILINE)
+    files = files or re.findall(r"`([\w./]+\.py)`", section(recipe))[:1]
+    return [file.replace("NAME", NAMES[recipe]) for file in files]
 
 
-@pytest.mark.parametrize("recipe", ["A limit", "A shape", "A trajectory file", "A solver", "A command"])
+@pytest.mark.parametrize("recipe", NAMES)
 def test_the_recipes_are_those_of_the_page(found: Found, recipe: str) -> None:
     whole = max((files for name, files, _ in found if name == recipe), key=len)
     assert list(whole) == steps(recipe)
+    count = re.match(r"\s*(\w+) files?\b", section(recipe))
+    assert count is not None, f"{recipe}: the page does not say how many files"
+    assert COUNTS[count[1]] == len(whole)
 
 
 def test_a_limit_is_certified_once_it_is_checked_and_never_before(found: Found) -> None:
@@ -79,6 +96,27 @@ def test_a_shape_is_planned_around_once_all_know_it_and_never_before(found: Foun
             assert outcome.startswith("certified: at least ")
         elif recipe == "A shape":
             assert re.search("shape Octahedron (is not supported by the certificate|with radii)", outcome), files
+
+
+def test_an_objective_is_planned_by_once_it_has_a_measure(found: Found) -> None:
+    word, whole = steps("An objective")
+    assert found["An objective", (word,), "plan"].startswith("ValueError: no measure is known as 'length'")
+    assert found["An objective", (word, whole), "plan"].startswith("length [rad]: certified")
+
+
+def test_a_robot_in_another_language_is_planned_once_it_is_in_the_table(found: Found) -> None:
+    module, table = steps("A language of robots")
+    refused = found["A language of robots", (module,), "plan"]
+    assert refused.startswith("InputError: ")
+    assert refused.endswith("the root element is <chain>, expected <robot> or <mujoco>")
+    assert found["A language of robots", (module, table), "plan"].startswith("certified")
+
+
+def test_a_layer_is_seen_once_it_has_a_row_and_a_call(found: Found) -> None:
+    pytest.importorskip("viser", reason="the viewer is optional")
+    module, table = steps("A layer of the viewer")
+    assert found["A layer of the viewer", (module,), "switch"] == "KeyError: 'ball'"
+    assert found["A layer of the viewer", (module, table), "switch"] == "seen: [True, False]; hint: at the origin"
 
 
 def test_a_solver_and_a_command_are_there_at_once(found: Found) -> None:

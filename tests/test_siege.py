@@ -234,7 +234,7 @@ def test_a_worker_that_dies_or_hangs_is_a_finding_and_the_rest_goes_on(tmp_path)
 
 
 SIEGES = {
-    "certificate": 2,
+    "certificate": 1,
     "input": 10,
     "semantics": 4,
     "meshes-files": 20,

@@ -15,7 +15,8 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NOTEBOOKS = sorted((ROOT / "docs" / "tutorial").glob("*.ipynb"))
-ROOMS = {name: ROOT / name for name in ("scenes", "distance", "planner")} | {"verify": ROOT / "src/hdplan/verify"}
+ROOMS = {name: ROOT / name for name in ("scenes", "distance", "planner", "tests", "benchmarks")}
+ROOMS["verify"] = ROOT / "src/hdplan/verify"
 
 # A sentence, or a part of it before a mark, that ends in a preposition; and words that belong to talk between people.
 ENDS = re.compile(
@@ -23,8 +24,16 @@ ENDS = re.compile(
 )
 TALK = re.compile(r"\b(asked|said|told|in vain|brought along|as well it|look for at|stands? there twice)\b", re.I)
 FENCED = re.compile(r"```.*?```|<!--.*?-->", re.DOTALL)
-NAMED = re.compile(r"`[^`]*`|``[^`]*``")  # code, whose names may be any
+C_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
+IDENTIFIER = re.compile(r"\w*(?:asked|said|told)\w*", re.I)
+NAMED = re.compile(r"`[^`]*`|``[^`]*``|<!-- [\w ]+:")  # code, whose names may be any, and marks in pages
 SCRIPTS = {"page_script.py", "c_library.py", "c_test_text.py", "recorded_page.py"}  # texts in other languages
+
+
+def files_of(room: str, *suffixes: str) -> list[Path]:
+    """The files of a room, but for this one, which has to name the words."""
+    found = (path for suffix in suffixes for path in ROOMS[room].rglob(f"*{suffix}"))
+    return sorted(path for path in found if path != Path(__file__))
 
 
 def odd(text: str) -> list[str]:
@@ -66,7 +75,7 @@ def test_notebooks_are_in_plain_words(notebook: Path) -> None:
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_docstrings_and_messages_are_in_plain_words(room: str) -> None:
-    files = [path for path in sorted(ROOMS[room].rglob("*.py")) if path.name not in SCRIPTS]
+    files = [path for path in files_of(room, ".py") if path.name not in SCRIPTS]
     files += [ROOT / "cli.py", *(ROOT / "src/hdplan").glob("*.py")] if room == "planner" else []
     found = {}
     for path in files:
@@ -86,24 +95,30 @@ def comments(source: str) -> Iterator[tuple[int, str]]:
             if lines[row - 1].lstrip().startswith("#") and row < len(lines) and lines[row].lstrip().startswith("#"):
                 run += " "
             else:
-                yield row, f"{run}."
+                yield row, run.rstrip(".") + "."
                 run = ""
 
 
+def c_comments(source: str) -> Iterator[tuple[int, str]]:
+    """The comments of C, with the lines where they begin, without breaks and marks, with a full stop."""
+    for match in C_COMMENT.finditer(source):
+        yield source.count("\n", 0, match.start()) + 1, " ".join(match.group()[2:-2].split()).rstrip(".") + "."
+
+
 def named(source: str) -> Iterator[tuple[int, str]]:
-    """The identifiers of a module, with their lines, their parts as words."""
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.NAME:
-            yield token.start[0], token.string.replace("_", " ")
+    """The identifiers, those in texts and comments too, that the words of talk are a part of, with their lines."""
+    for match in IDENTIFIER.finditer(source):
+        if TALK.search(match.group().replace("_", " ")):
+            yield source.count("\n", 0, match.start()) + 1, match.group()
 
 
-@pytest.mark.parametrize("room", [*ROOMS, "tests", "benchmarks"])
+@pytest.mark.parametrize("room", ROOMS)
 def test_names_and_comments_are_in_plain_words(room: str) -> None:
     found = {}
-    for path in sorted(ROOMS.get(room, ROOT / room).rglob("*.py")):
+    for path in files_of(room, ".py", ".c", ".h"):
         source = path.read_text(encoding="utf-8")
-        words = [(line, text) for line, text in named(source) if TALK.search(text)]
-        words += [(line, text) for line, text in comments(source) if room in ROOMS and odd(text)]
+        notes = comments if path.suffix == ".py" else c_comments
+        words = [*named(source), *((line, text) for line, text in notes(source) if odd(text))]
         found |= {f"{path.relative_to(ROOT)}:{line}": text for line, text in words}
     assert found == {}
 
@@ -112,7 +127,8 @@ def test_odd_words_are_found() -> None:
     assert [text for _, text in comments("# The bodies\n# it works with\nx = 1  # a link\n") if odd(text)] == [
         "The bodies it works with."
     ]
-    assert [text for _, text in named("_told_apart = x.saida") if TALK.search(text)] == [" told apart"]
+    assert list(named("x = 1\n_told_apart = x.saida")) == [(2, "_told_apart")]
+    assert [text for _, text in c_comments("/* What\n   it works with */") if odd(text)] == ["What it works with."]
     assert odd("The bodies that it works with.") == ["The bodies that it works with."]
     assert odd("A link is asked.") == ["A link is asked"]
     assert odd("The bodies, with their `asked` values: by link, from 0 to 1.") == []

@@ -200,7 +200,7 @@ def _keep(output: Path, folder: Path, index: int, words: str, notes: dict[str, A
 
 
 class _Worker:
-    """A child process and what it is at."""
+    """A child process and its current task."""
 
     def __init__(self, script: Path, name: str, seed: int, output: Path) -> None:
         self.folder = output / f"worker_{os.getpid()}_{time.monotonic_ns()}"

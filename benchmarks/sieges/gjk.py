@@ -57,7 +57,7 @@ def distances(
 ) -> tuple[Array, Array]:
     """Return lower and upper bounds (Q,) of the signed distances of Q pairs of pieces at bodies' poses (Q, 4, 4).
 
-    `enough` (Q,): where a lower bound reaches it, no more is asked of that pair.
+    `enough` (Q,): a pair is finished when its lower bound reaches this value.
     """
     count = len(first)
     balls = pieces.ball[first] + pieces.ball[second]

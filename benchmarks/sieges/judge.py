@@ -40,7 +40,7 @@ class Nearest:
 
 
 def refute(world: World, rows: Rows, clearance: float | None, own: float | None) -> list[str]:
-    """Return what is wrong with a motion that is said to be certified with these clearances [m]."""
+    """Return the faults of a motion that claims to be certified with these clearances [m]."""
     interval, s = rows.grid(SAMPLES)
     q, times = rows.at(interval, s), rows.when(interval, s)
     found = [*limits(world, rows, interval, s), *_torques(world, rows, interval, s), *_path(world, rows, q)]
@@ -122,8 +122,8 @@ def _ball(centres: Array, radii: Array) -> tuple[Array, Array]:
 
 
 def inside(world: World, places: Array, open_too: bool = False) -> list[tuple[tuple[int, int], int]]:
-    """Return pairs, and when, of which one has a point within the other's closed mesh; of an open one, if asked, where
-    it winds around the point more than not."""
+    """Return pairs, and when, of which one has a point within the other's closed mesh; of an open one, on request,
+    where it winds around the point more than not."""
     found = []
     chosen = np.unique(np.linspace(0, places.shape[1] - 1, 5).round().astype(int))
     for pair in world.pairs:
@@ -250,7 +250,7 @@ def _required(world: World, pair: tuple[int, int], clearance: float, own: float,
 
 
 def _ends_are_closer(world: World, names: tuple[str, ...]) -> bool:
-    """Whether the scene's own start or goal is closer than planner.clearance: less is asked for then."""
+    """Whether the scene's own start or goal is closer than planner.clearance: less is required then."""
     clearance = (world.content.get("planner") or {}).get("clearance", 0.0)
     ends = [(world.content.get(end) or {}).get("joints") for end in ("start", "goal")]
     given = [end for end in ends if isinstance(end, dict)]

@@ -147,7 +147,7 @@ def of_text(rng: np.random.Generator, text: str) -> str:
 
 
 def of_bytes(rng: np.random.Generator, data: bytes) -> bytes:
-    """Return bytes with some flipped, cut, doubled, or put in."""
+    """Return bytes with some flipped, cut, doubled or inserted."""
     found = bytearray(data)
     for _ in range(int(rng.choice([1, 2, 8, 64]))):
         what, at = int(rng.integers(0, 5)), int(rng.integers(len(found) + 1))

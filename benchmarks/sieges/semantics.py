@@ -114,7 +114,7 @@ def _names(world: World, pair: tuple[int, int]) -> str:
 
 
 def _again(scene: Any, folder: Path) -> str:
-    """Write the scene, read it, and compare everything but where it came from."""
+    """Write the scene, read it, and compare everything but its source."""
     from hdplan.scenes.yaml_format.reader import load_scene
     from hdplan.scenes.yaml_format.writer import scene_text
 

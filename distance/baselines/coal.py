@@ -56,11 +56,12 @@ def signed_distance(body_a: Body, pose_a: ArrayLike, body_b: Body, pose_b: Array
     """Return the exact signed distance of body_a and body_b [m], at pose_a and pose_b (4, 4), world from body.
 
     d = max over unit n of min n·(a - b) - r_A - r_B (paper: Theorem III.1, eq. (2)): the radii are subtracted from the
-    signed distance of the polytopes. Of unions, the answer for the pair of pieces with the least: exact where they are
-    apart. In overlap it is how deep one piece is in another, and the unions are as deep or deeper: an upper bound of
-    the signed distance, with its sign (``unions``), and a normal along which that pair is taken apart.
+    signed distance of the polytopes. For unions, the result is that of the pair of pieces with the least distance:
+    exact where they are apart. In overlap it is the depth of one piece in another; the unions are equally deep or
+    deeper, so it is an upper bound of the signed distance, with its sign (``unions``), and the normal separates that
+    pair.
 
-    Raises InputError for what is no body, and for poses of another shape, not finite or not rigid.
+    Raises InputError for arguments that are not bodies, and for poses of another shape, not finite or not rigid.
     """
     poses = check_pose("pose_a", pose_a)[None], check_pose("pose_b", pose_b)[None]
     every = [_exact(a, poses[0], b, poses[1]) for a, b in pairs_of(body_a, body_b)]
@@ -73,7 +74,7 @@ def signed_distances(body_a: Body, poses_a: ArrayLike, body_b: Body, poses_b: Ar
 
     poses_a and poses_b: (N, 4, 4), world from body.
 
-    The same as ``signed_distance`` pose by pose, but several times faster: only coal itself is called one by one.
+    Equal to ``signed_distance`` pose by pose, but several times faster: only coal itself is called one by one.
     Overlaps take longest, as their check goes through every pair of edges.
 
     Raises InputError for poses of another shape, not finite or not rigid, and for lists of unequal length.

@@ -91,11 +91,11 @@ class FclPair(threading.local):
 def fcl_distances(body_a: Body, poses_a: ArrayLike, body_b: Body, poses_b: ArrayLike) -> FclAnswers:
     """Return FCL's signed distances of body_a and body_b [m]; as exact as FCL is.
 
-    poses_a and poses_b: N poses (N, 4, 4) each, world from body. Of unions, the answers for the pair of pieces with the
-    least: as ``signed_distance``; none where FCL crashed for any pair.
+    poses_a and poses_b: N poses (N, 4, 4) each, world from body. For unions, as ``signed_distance``, the result of the
+    pair of pieces with the least distance; none where FCL crashed for any pair.
 
-    They are computed in another process. It forks workers, each of which continues after the pose that crashed the one
-    before (so it needs os.fork: Linux, macOS).
+    The distances are computed in another process, which forks workers, each of which continues after the pose that
+    crashed the one before (so it needs os.fork: Linux, macOS).
 
     Raises InputError on Windows, if python-fcl is not installed, for poses of another shape, not finite or not rigid,
     and for lists of unequal length; RuntimeError if the process fails in any other way.

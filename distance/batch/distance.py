@@ -72,7 +72,7 @@ class BatchDistance(BodyDistance[Array]):
     dtype: str  # "float64" or "float32"
 
     def __repr__(self) -> str:
-        """Say its settings, and where it runs."""
+        """Return its settings, and the device on which it runs, for display."""
         return f"<BatchDistance: gamma {self.gamma}, {self.dtype}, on {self.device}>"
 
     @property
@@ -122,7 +122,7 @@ class BatchDistance(BodyDistance[Array]):
             return [part.reshape(shape + part.shape[1:]) for part in results]
 
     def _lanes(self, backend: str) -> int:
-        """Return how many poses to evaluate at once, a power of two."""
+        """Return the number of poses to evaluate at once, a power of two."""
         if backend == "cpu":
             return min(CPU_LANES, _power_of_two(CPU_NUMBERS // self.numbers))
         kept = RESULTS * sum(len(group.radii) for group in self.pairs)

@@ -85,7 +85,7 @@ def _change(
 
 @cache
 def _many(settings: Settings) -> Any:
-    """Return the kernel as a function of rows that stacks whatever ``vmap`` asks of it."""
+    """Return the kernel as a function of rows that stacks the axes of ``vmap``."""
 
     @jax.custom_batching.custom_vmap
     def run(pairs: Pairs, length: Array, a: Array, b: Array, witnesses: Array) -> tuple[Array, ...]:

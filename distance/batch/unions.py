@@ -67,7 +67,7 @@ def separation_gradient(pairs: Pairs, places: Places, witnesses: Array, *, lanes
 
 
 def _of_every(one: Callable[[Pair], tuple[Array, ...]], pairs: Pairs) -> list[Array]:
-    """Return what ``one`` gives of every pair, along a new first axis."""
+    """Return the results of ``one`` for every pair, along a new first axis."""
     found = []
     for group in pairs:
         if len(group.radii) > 1:

@@ -1,4 +1,4 @@
-/* What `border.h` says. */
+/* Implements `border.h`. */
 
 #include "border.h"
 
@@ -63,19 +63,19 @@ long long whole(arguments* taken, const char* name, long long least, long long m
 
 /* --- arrays ----------------------------------------------------------------------------------------------------- */
 
-/* What is asked of an array. */
+/* What an array has to be. */
 typedef struct {
   int of_indices, writable, optional, dimensions;
   const long long* shape;
-} wanted;
+} requirement;
 
-/* Say what an array must be, and what it is. */
-static void complain(arguments* taken, const char* name, PyObject* given, const wanted* asked) {
+/* Raise ValueError: what the array must be, and what it is. */
+static void complain(arguments* taken, const char* name, PyObject* given, const requirement* required) {
   char shape[160];
   int used = 0;
-  for (int i = 0; i < asked->dimensions && used < 120; ++i)
-    used += asked->shape[i] < 0 ? PyOS_snprintf(shape + used, 24, i ? ", any" : "any")
-                                : PyOS_snprintf(shape + used, 24, i ? ", %lld" : "%lld", asked->shape[i]);
+  for (int i = 0; i < required->dimensions && used < 120; ++i)
+    used += required->shape[i] < 0 ? PyOS_snprintf(shape + used, 24, i ? ", any" : "any")
+                                : PyOS_snprintf(shape + used, 24, i ? ", %lld" : "%lld", required->shape[i]);
   shape[used] = '\0';
   taken->failed = 1;
   PyErr_Clear();
@@ -86,61 +86,61 @@ static void complain(arguments* taken, const char* name, PyObject* given, const 
                                  : PyUnicode_FromFormat("%R", Py_TYPE(given));
   if (found)
     PyErr_Format(PyExc_ValueError, "%s: %s must be %s, aligned and contiguous, of shape (%s)%s, not %U",
-                 taken->function, name, asked->of_indices ? "int64" : "float64", shape,
-                 asked->writable ? " and writable" : "", found);
+                 taken->function, name, required->of_indices ? "int64" : "float64", shape,
+                 required->writable ? " and writable" : "", found);
   Py_XDECREF(type);
   Py_XDECREF(size);
   Py_XDECREF(found);
 }
 
-static int fits(const Py_buffer* view, const wanted* asked) {
-  if (view->ndim != asked->dimensions || view->itemsize != 8 || !view->format) return 0;
+static int fits(const Py_buffer* view, const requirement* required) {
+  if (view->ndim != required->dimensions || view->itemsize != 8 || !view->format) return 0;
   if ((uintptr_t)view->buf % sizeof(double) != 0) return 0;
-  for (int i = 0; i < asked->dimensions; ++i)
-    if (asked->shape[i] >= 0 && view->shape[i] != asked->shape[i]) return 0;
-  if (!asked->of_indices) return strcmp(view->format, "d") == 0;
+  for (int i = 0; i < required->dimensions; ++i)
+    if (required->shape[i] >= 0 && view->shape[i] != required->shape[i]) return 0;
+  if (!required->of_indices) return strcmp(view->format, "d") == 0;
   return strcmp(view->format, "q") == 0 || strcmp(view->format, "l") == 0;
 }
 
-static void* array(arguments* taken, const char* name, const wanted* asked) {
+static void* array(arguments* taken, const char* name, const requirement* required) {
   PyObject* given = next(taken, name);
-  if (!given || (asked->optional && given == Py_None)) return NULL;
+  if (!given || (required->optional && given == Py_None)) return NULL;
   Py_buffer* view = taken->held + taken->holding;
-  if (PyObject_GetBuffer(given, view, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS | (asked->writable ? PyBUF_WRITABLE : 0))) {
-    complain(taken, name, given, asked);
+  if (PyObject_GetBuffer(given, view, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS | (required->writable ? PyBUF_WRITABLE : 0))) {
+    complain(taken, name, given, required);
     return NULL;
   }
-  if (!fits(view, asked)) {
+  if (!fits(view, required)) {
     PyBuffer_Release(view);
-    complain(taken, name, given, asked);
+    complain(taken, name, given, required);
     return NULL;
   }
-  for (int i = 0; i < asked->dimensions; ++i) taken->shape[i] = view->shape[i];
+  for (int i = 0; i < required->dimensions; ++i) taken->shape[i] = view->shape[i];
   taken->names[taken->holding] = name;
-  taken->outputs[taken->holding] = asked->writable;
+  taken->outputs[taken->holding] = required->writable;
   ++taken->holding;
   return view->buf;
 }
 
 const double* numbers(arguments* taken, const char* name, int dimensions, const long long* shape) {
-  return array(taken, name, &(wanted){.dimensions = dimensions, .shape = shape});
+  return array(taken, name, &(requirement){.dimensions = dimensions, .shape = shape});
 }
 
 const double* numbers_or_none(arguments* taken, const char* name, int dimensions, const long long* shape) {
-  return array(taken, name, &(wanted){.optional = 1, .dimensions = dimensions, .shape = shape});
+  return array(taken, name, &(requirement){.optional = 1, .dimensions = dimensions, .shape = shape});
 }
 
 double* written(arguments* taken, const char* name, int dimensions, const long long* shape) {
-  return array(taken, name, &(wanted){.writable = 1, .dimensions = dimensions, .shape = shape});
+  return array(taken, name, &(requirement){.writable = 1, .dimensions = dimensions, .shape = shape});
 }
 
 long long* written_indices(arguments* taken, const char* name, int dimensions, const long long* shape) {
-  return array(taken, name, &(wanted){.of_indices = 1, .writable = 1, .dimensions = dimensions, .shape = shape});
+  return array(taken, name, &(requirement){.of_indices = 1, .writable = 1, .dimensions = dimensions, .shape = shape});
 }
 
 const long long* indices(arguments* taken, const char* name, long long least, long long end, int dimensions,
                          const long long* shape) {
-  const long long* values = array(taken, name, &(wanted){.of_indices = 1, .dimensions = dimensions, .shape = shape});
+  const long long* values = array(taken, name, &(requirement){.of_indices = 1, .dimensions = dimensions, .shape = shape});
   if (!values) return NULL;
   long long size = 1;
   for (int i = 0; i < dimensions; ++i) size *= taken->shape[i];
@@ -248,7 +248,7 @@ const void* const* records(arguments* taken, const char* name, const char* kind)
   return taken->addresses;
 }
 
-/* All that was taken, handed over to a struct; 0 without memory. */
+/* Hand all that was taken over to a struct. Returns 0 without memory. */
 static int handed_over(arguments* taken, struct_object* object, const void* from, size_t size) {
   const size_t holding = (size_t)taken->holding, including = (size_t)taken->including;
   object->memory = PyMem_Malloc(size);

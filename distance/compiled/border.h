@@ -14,7 +14,7 @@
 
    Arrays are float64 or int64, aligned, contiguous in C's order, of the shape that is given (ANY: any length), and can
    be written where `written` takes them; what is written overlaps no other array of the call. The first argument that
-   is not so raises TypeError or ValueError, which names function and argument; those after it are null or 0, and
+   differs raises TypeError or ValueError, with the names of function and argument; later arguments are null or 0, and
    nothing runs. Values are trusted only as far as a wrapper checks them: whatever a loop takes as a row or a number of
    rows goes through `indices` or `whole`. No other thread may change an array during a call. */
 
@@ -81,7 +81,7 @@ int ready(arguments* taken);
 /* Release what the call holds, and return `result`; null, and nothing of it, after an error. */
 PyObject* ended(arguments* taken, PyObject* result);
 PyObject* none(void);
-/* Complain of memory that there is not. */
+/* Raise MemoryError. */
 PyObject* no_memory(void);
 
 #define WITHOUT_LOCK(work)  \

@@ -113,7 +113,7 @@ def _warn_once() -> None:
 
 @functools.cache
 def _instructions() -> tuple[str, ...]:
-    """Return the flags for this processor's widest vectors, where Linux tells them: loops run up to 1.5 times as
+    """Return the flags for this processor's widest vectors, where Linux reports them: loops run up to 1.5 times as
     fast."""
     try:
         found = set(re.findall(r"\bavx2\b|\bavx512vl\b", Path("/proc/cpuinfo").read_text(encoding="utf-8")))
@@ -128,8 +128,8 @@ def c_library(name: str, source: str) -> ctypes.CDLL | None:
 
 
 def loaded(name: str, source: str, load: Callable[[str], Library], more: tuple[str, ...] = ()) -> Library | None:
-    """Return what `load` makes of the path of a source's library, from the disk cache (keyed by source, flags, platform
-    and compiler) or compiled now, with `more` flags; None without a compiler. The file may be gone afterwards.
+    """Return the result of `load` for the path of a source's library, from the disk cache (keyed by source, flags,
+    platform and compiler) or compiled now, with `more` flags; None without a compiler. The file may be gone afterwards.
 
     A cached file has its own checksum in its name: loading a damaged one would crash the process.
     """

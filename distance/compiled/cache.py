@@ -15,10 +15,13 @@ import stat
 import sys
 import tempfile
 import warnings
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import platformdirs
+
+Value = TypeVar("Value")
 
 
 def cache_dir() -> Path:
@@ -36,14 +39,15 @@ def content_key(*parts: str | bytes) -> str:
     return digest.hexdigest()
 
 
-def load(kind: str, key: str) -> Any | None:
-    """Return the JSON value stored under this kind and key, or None if there is no intact one."""
+def load(kind: str, key: str, read: Callable[[Any], Value | None]) -> Value | None:
+    """Return what `read` makes of the JSON value stored under this kind and key; None if there is no intact one, or one
+    of another structure, at which `read` fails."""
     if not trusted():
         return None
     try:
         checksum, _, text = (cache_dir() / kind / f"{key}.json").read_text(encoding="utf-8").partition("\n")
-        return json.loads(text) if checksum == content_key(text) else None
-    except (OSError, ValueError):
+        return read(json.loads(text)) if checksum == content_key(text) else None
+    except (OSError, ValueError, TypeError, LookupError, AttributeError):
         return None
 
 
@@ -54,7 +58,7 @@ def store(kind: str, key: str, value: Any) -> None:
 
 
 def trusted() -> bool:
-    """True if nobody else may write in the cache's folder, which need not exist. Warns once where others may."""
+    """True if nobody else may write to the cache's folder, which need not exist. Warns once if others may."""
     home = cache_dir()
     if home in _trusted:
         return True
@@ -65,12 +69,12 @@ def trusted() -> bool:
     return why is None
 
 
-_trusted: set[Path] = set()  # folders that exist and were looked at in this process
+_trusted: set[Path] = set()  # folders that exist and were examined in this process
 
 
 def _open_to(home: Path) -> str | None:
-    """Say which folder others may write, of the cache's and all above it; None if they may none. In one like /tmp
-    (sticky) others can add what is theirs, but not change what is the user's."""
+    """Return the folder to which others may write, among the cache's and all above it; None if there is none. In a
+    sticky folder such as /tmp, others can add files, but not change the user's."""
     if sys.platform == "win32":  # where a user's folders are the user's
         return None
     home = home.resolve()

@@ -1,4 +1,4 @@
-/* What `cholesky.h` says. */
+/* Implements `cholesky.h`. */
 
 #include "cholesky.h"
 

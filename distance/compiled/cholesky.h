@@ -3,8 +3,8 @@
 #ifndef HDPLAN_CHOLESKY_H
 #define HDPLAN_CHOLESKY_H
 
-/* Solve H x = y in place, H of `size` rows in columns of its lower half: H[c + d, c] at band[c * width + d], zero from
-   d = width on; a dense matrix has width = size. Returns whether H is positive definite; if not, y is lost. */
+/* Solve H x = y in place, H of `size` rows in columns of its lower half: H[c + d, c] at band[c * width + d], zero for
+   d ≥ width; a dense matrix has width = size. Returns whether H is positive definite; if not, y is lost. */
 int solved(long long size, long long width, double* band, double* vector);
 
 /* Solve with another y, by the factors that `solved` left in the band. */

@@ -4,7 +4,7 @@
 #ifndef HDPLAN_CLONES_H
 #define HDPLAN_CLONES_H
 
-#include <stdlib.h> /* says which C library it is: the loader makes the choice, and glibc's knows how */
+#include <stdlib.h> /* defines which C library this is: only glibc's loader can choose */
 
 #if defined(__clang__)
 #define HAS_CLONES (__clang_major__ >= 14)

@@ -2,7 +2,7 @@
 
 Every function there checks what it is given (`border.h`): an array of another type, shape or layout raises an error
 that names it. Each loop has a twin in NumPy, which serves where there are none, and to which laws hold
-it; in the place of closed forms of inverse kinematics its search does.
+it; in place of closed forms of inverse kinematics its search does.
 """
 
 from __future__ import annotations

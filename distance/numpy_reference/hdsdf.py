@@ -41,7 +41,7 @@ class Derivatives:
     hessian: Array  # (..., 12, 12) symmetric
 
     def __repr__(self) -> str:
-        """Say of how many poses they are, or the value of one."""
+        """Return the number of poses, or the value of a single one, for display."""
         one = f"D = {self.value:.6g} m" if not self.value.shape else f"{self.value.shape} values"
         return f"<Derivatives: {one}, with gradient and Hessian>"
 

@@ -1,4 +1,4 @@
-"""Share of gaps in which the HD-SDF says contact: the paper's experiment, for its own set and the other rungs.
+"""Share of gaps that the HD-SDF takes for contact: the paper's experiment, for its own set and the other rungs.
 
 Out: the exact distances of random configurations of Platonic solids, and of those where D <= 0 (paper: section
 IV-B, Figure 3).

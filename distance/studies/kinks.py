@@ -26,7 +26,7 @@ VELOCITY = (0.98, -0.41)  # [m/s] along x and y
 TURNING = 0.66  # [rad/s]
 GAMMA = 2
 SHAPING_LENGTHS = (1e-2, 1e-1)  # [m] the paper's epsilon = 1e-4, and a softer one
-SUSPECT_CHANGE = 0.02  # [m/s] a rate that changes more than this from one sample to the next is looked at closely
+SUSPECT_CHANGE = 0.02  # [m/s] a rate that changes more than this from one sample to the next is examined closely
 INSTANT = 1e-8  # [s] across which a change is called a jump
 BESIDE_KINK = 1e-6  # [s] from a kink where its one-sided rates are taken: nearer, faces are parallel to the oracle
 JUMP = 1e-3  # [m/s] least change across an instant that counts

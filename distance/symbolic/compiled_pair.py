@@ -48,7 +48,7 @@ class CompiledDistance(BodyDistance[Array]):
         self._witness_count = witness_count
 
     def __repr__(self) -> str:
-        """Say of which bodies it is, and its settings."""
+        """Return its bodies and settings, for display."""
         body_a, body_b, gamma, normals, _ = self._settings
         return f"<CompiledDistance of {body_a} and {body_b}: gamma {gamma}, normals {normals}>"
 
@@ -96,7 +96,7 @@ def hdsdf_compiled(
     """Return the distance of ``numpy_reference.hdsdf`` for these bodies, fast: for many poses, with derivatives.
 
     ``witness_count``: how many witness normals will be given with each pose. Other arguments and errors as
-    ``numpy_reference.hdsdf``. Another shaping length compiles nothing anew.
+    ``numpy_reference.hdsdf``. Another shaping length needs no compilation.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     candidate_normals(normals, *pairs_of(body_a, body_b)[0])  # an unknown name is refused now

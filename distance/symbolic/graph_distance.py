@@ -25,9 +25,9 @@ def hdsdf_function(
 
     A lower bound of the signed distance in sign (paper: Definition III.2). Usable in any SX or MX graph, and with
     ``factory``. Gradient and Hessian are closed forms, correct at every pose, aligned and touching ones included; for
-    gamma = 1 the Hessian has jumps and is one of its one-sided values there. There is no third derivative, and CasADi
-    refuses it. Derivatives are meaningful only along rigid motions: compose the Function with a robot's kinematics or
-    another parametrization of the pose. At poses that are not rigid D is NaN, as a graph cannot raise an error.
+    gamma = 1 the Hessian has jumps and is one of its one-sided values there. CasADi refuses a third derivative.
+    Derivatives are meaningful only along rigid motions: compose the Function with a robot's kinematics or another
+    parametrization of the pose. At poses that are not rigid D is NaN, as a graph cannot raise an error.
 
     Arguments and errors as ``numpy_reference.hdsdf``.
     """

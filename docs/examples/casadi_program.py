@@ -30,7 +30,7 @@ def solve(program, plugin):
 figure, rows = plt.subplots(2, 1, figsize=(7, 4.5), sharex=True, layout="constrained")
 for program, plugin, style in ((plain, "ipopt", "-"), (own, "ipopt", "-"), (own, "fatrop", "--")):
     trajectory = solve(program, plugin)
-    certificate = hdplan.certify(scene, trajectory)  # whatever was added to the program, the proof is the same
+    certificate = hdplan.certify(scene, trajectory)  # the proof does not depend on additions to the program
     name = f"{'as it is' if program is plain else 'with cost and bound'}, {plugin}: {certificate.status.value}"
     print(name, f"largest step of joint 1: {np.abs(np.diff(trajectory.positions[1:, base])).max():.4f} rad")
     rows[0].plot(trajectory.positions[:, elbow], style, label=name)

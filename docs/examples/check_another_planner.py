@@ -22,7 +22,7 @@ for place in verdict.failures[:3]:  # the intervals that are not proven, and wit
 ours = hdplan.plan(scene)
 print(ours.certificate.text)
 
-# Single configurations are looked at exactly: how deep each waypoint is in contact.
+# Single configurations are checked exactly: how deep each waypoint is in contact.
 depths = [
     [max((contact.depth for contact in hdplan.check_configuration(scene, robot, q)), default=0.0) for q in motion]
     for motion in (path, ours.trajectory.positions)

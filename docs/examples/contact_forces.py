@@ -38,10 +38,10 @@ def at_rest(cost, guess, **bounds):
 rest, force, _ = at_rest(energy, [0.3, 0], lbg=least)  # the arm is let down
 slopes = ca.Function("slopes", [q, places], [ca.jacobian(distance, q), ca.jacobian(distance, ca.vec(places))])
 by_joint, by_place = (part.full() for part in slopes(rest, given))
-borne = symbolic.dynamics(robot)(rest, 0, 0)[0].full()[:, 0]  # what gravity asks of the joints [Nm]
+borne = symbolic.dynamics(robot)(rest, 0, 0)[0].full()[:, 0]  # the joints' gravity torques [Nm]
 np.testing.assert_allclose(by_joint.T @ force, borne, atol=1e-6)
 print(f"at rest at {rest} rad; the contacts bear the joints' {borne.round(3)} Nm")
-for weight in 10.0 ** np.arange(4, 8):  # a penalty gives way, as a spring does
+for weight in 10.0 ** np.arange(4, 8):  # a penalty gives way like a spring
     *_, soft = at_rest(energy + weight / 2 * ca.sumsqr(ca.fmin(distance - least, 0)), rest)
     print(f"with a penalty of weight {weight:g} instead: {(1e3 * (least - soft)).round(4)} mm too deep")
 figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")

@@ -11,7 +11,7 @@ controller = control.Controller.of(scene)
 robot = controller.robot
 start, goal = robot.configuration(scene.start), robot.configuration(scene.goal)
 
-# One step: what a robot's driver would call at every period.
+# One step, which a robot's driver would call at every period.
 step = controller.step(start, control.standing(goal))
 print(f"{step.mode.value}, proven {1000 * step.proven:.1f} mm, velocity {np.round(step.velocity, 2)}")
 
@@ -19,7 +19,7 @@ print(f"{step.mode.value}, proven {1000 * step.proven:.1f} mm, velocity {np.roun
 run = control.simulate(controller, start, control.standing(goal), 3.0)
 print(f"nearest to a margin: {1000 * run.slacks.min():.1f} mm; proven of the whole run: {1000 * run.proven:.1f} mm")
 
-# What the joints do, following smoothly; certified as any other motion.
+# The motion of joints that follow smoothly, certified like any other motion.
 executed = run.executed(robot.joint_names, scene.robot.locked)
 print(hdplan.certify(scene, executed, robot, check_ends=False).text)
 

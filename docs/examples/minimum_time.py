@@ -20,7 +20,7 @@ scene = dataclasses.replace(
     limits=hdplan.Limits(velocity=8.0, acceleration=150.0, torque=most),
     planner=hdplan.PlannerSettings(objective="time"),
 )
-planned = hdplan.plan(scene).trajectory  # a path, timed as fast as these limits allow, bettered by some rounds
+planned = hdplan.plan(scene).trajectory  # a path, timed as fast as these limits allow, improved by some rounds
 
 dynamics, keep = symbolic.dynamics(scene), symbolic.clearance(scene)
 program, count = ca.Opti(), 24

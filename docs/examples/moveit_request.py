@@ -8,7 +8,7 @@ import hdplan
 
 here = Path(__file__).parent
 scene = hdplan.load_scene(here / "moveit_scene.yaml", request=here / "moveit_request.yaml", robot="panda")
-for note in scene.notes:  # what was widened, left out or taken more narrowly than the message says
+for note in scene.notes:  # parts of the message that were widened, left out or narrowed
     print("note:", note)
 
 result = hdplan.plan(scene)

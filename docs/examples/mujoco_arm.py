@@ -16,7 +16,7 @@ loop = control.Loop(arm)
 first = loop.follow(hdplan.plan(scene).trajectory)
 print(f"off by {1e3 * np.abs(first.errors).max():.1f} mrad")
 
-# What was measured, and as much again, is what the arm may be off; the motion is proven for all of it.
+# Twice the measured errors become the arm's tolerance; the motion is proven for all of them.
 known = dataclasses.replace(scene, robot=hdplan.RobotSpec("panda", tracking=first.tracking.times(2)))
 planned = hdplan.plan(known)
 print(planned.certificate.text)

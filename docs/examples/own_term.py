@@ -14,7 +14,7 @@ steps = hdplan.OwnTerm("steps", lambda q, step: step[base], "constraint", -most,
 
 figure, rows = plt.subplots(2, 1, figsize=(7, 4.5), sharex=True, layout="constrained")
 for terms, name in (([], "as it is"), ([posture, steps], "with both terms")):
-    result = hdplan.plan(scene, terms=terms)  # a term changes what is sought, not what is proven
+    result = hdplan.plan(scene, terms=terms)  # a term changes the search, not the proof
     path = result.trajectory.positions
     print(f"{name}: {result.certificate.text}")
     rows[0].plot(path[:, elbow], label=f"{name}: {result.certificate.status.value}")

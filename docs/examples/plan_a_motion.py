@@ -10,7 +10,7 @@ result = hdplan.plan(scene, seed=0, time_limit=10.0)
 certificate = result.certificate
 
 print(certificate.text)
-if not result.certified:  # the best attempt comes back all the same, and says what is wrong with it
+if not result.certified:  # the best attempt is returned all the same, with its failures
     raise SystemExit(certificate.status.remedy)
 print(f"closest: {certificate.worst.link} to {certificate.worst.other}, {1000 * certificate.worst.distance:.1f} mm")
 

@@ -16,7 +16,7 @@ scene = hdplan.Scene(
 result = hdplan.plan(scene)
 print(result.certificate.text)
 
-try:  # what a file is refused, a scene in Python is refused too, in the same words
+try:  # errors in Python are the same as in files
     hdplan.Box([1.2, -1.6, 0.05])
 except hdplan.InputError as error:
     print("refused:", error)

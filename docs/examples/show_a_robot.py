@@ -28,6 +28,6 @@ try:
         q = motion.at(share) + OFF * rng.normal(size=len(motion.joint_names))
         viewer.state(dict(zip(motion.joint_names, q, strict=True)))  # returns at once; the newest is drawn
         time.sleep(1.0 / RATE)
-    viewer.state(None)  # the robot reports no more
+    viewer.state(None)  # no more reports of the robot
 finally:
     viewer.close()

@@ -12,7 +12,7 @@ viewer = open_viewer(scene, motions)  # on this machine alone; the next free por
 try:
     print(f"{scene.name} at {viewer.address()}")
     viewer.record(Path("show_it.html"))  # opens in any browser, without a server
-    # Here a program of yours goes on; the viewer serves until it is closed.
+    # Your program continues here; the viewer serves until it is closed.
 finally:
     viewer.close()
 print(f"show_it.html: {Path('show_it.html').stat().st_size / 1e6:.1f} MB")

@@ -16,7 +16,7 @@ result = hdplan.plan(dataclasses.replace(scene, limits=limits))
 assert result.certified, result.certificate.text  # within these limits, at every instant
 motion = result.trajectory
 
-stream = motion.sampled(RATE)  # exact, off the curve that is certified
+stream = motion.sampled(RATE)  # exact, from the certified curve
 steps = np.abs(np.diff(stream.positions, axis=0)) * RATE
 changes = np.abs(np.diff(stream.velocities, axis=0)) * RATE
 fastest = np.array([2.175] * 4 + [2.61] * 3)  # the Panda's [rad/s]
@@ -31,7 +31,7 @@ print(f"the hand passes {np.linalg.norm(np.diff(places, axis=0), axis=1).sum():.
 # One row a millisecond; a callback of libfranka returns the next one at each call: franka::JointPositions(row).
 Path("panda_cage.csv").write_text("\n".join(",".join(map(repr, row)) for row in stream.positions.tolist()))
 
-# A loop of one's own asks for what it needs when it needs it.
+# Your own loop can read the motion at any time.
 for tick in itertools.count():
     now = tick / RATE
     if now > motion.duration:

@@ -1,4 +1,4 @@
-"""Results that were computed once travel to the workers of a cluster: outer bodies, pieces of meshes, proven pairs.
+"""Cached results, sent to the workers of a cluster: outer bodies, pieces of meshes, proven pairs.
 
 Entries of the disk cache are keyed by what they were made from, so one that does not fit is never read. A worker keeps
 what it has. Data travel, never code: what is compiled stays on the machine that compiled it.

@@ -1,4 +1,4 @@
-"""A file that says how to get workers of a cluster: one of dask's cluster classes, its options, how many workers.
+"""A file that defines the workers of a cluster: one of dask's cluster classes, its options, the number of workers.
 
 ```yaml
 class: dask_jobqueue.SLURMCluster
@@ -46,7 +46,7 @@ class ClusterFile:
         except (ImportError, AttributeError, ValueError) as error:
             raise self.kind.error(f"cannot be imported ({error})") from None
         if not hasattr(found, "scale"):
-            raise self.kind.error(f"'{module}.{name}' is none of dask's cluster classes")
+            raise self.kind.error(f"'{module}.{name}' is not one of dask's cluster classes")
         try:
             cluster = found(**self.options)
             cluster.scale(self.workers)

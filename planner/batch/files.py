@@ -35,7 +35,8 @@ def motion_file(motion: Trajectory) -> dict[str, bytes]:
 
 
 def proven(files: dict[str, bytes], result: PlanResult | JobResult) -> str:
-    """Add the proof of what was planned, whose files are there, and say that it is there, or why there is none."""
+    """Add the proof of a planned problem, whose files exist, and return its file's name or the reason for its
+    absence."""
     from hdplan.planner.job.proof import prove_job
     from hdplan.planner.proof.proof import prove_planned
 

@@ -1,4 +1,4 @@
-"""One of many problems: where it is read from, and the seed of its random guesses. It travels to whoever solves it."""
+"""One of many problems: its source, and the seed of its random guesses, as sent to a worker."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Job:
     seed: int = 0
 
     def load(self) -> Scene:
-        """Read it. Raises InputError for a bad file or field."""
+        """Return the scene. Raises InputError for a bad file or field."""
         if isinstance(self.scene, Scene):
             return self.scene
         if self.fields:

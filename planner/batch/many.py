@@ -1,4 +1,4 @@
-"""Many problems from Python: what becomes of each, as an iterator."""
+"""Many problems from Python: their outcomes, as an iterator."""
 
 from __future__ import annotations
 
@@ -29,30 +29,30 @@ def plan_many(
     time_limit: float = 60.0,
     in_order: bool = True,
 ) -> Generator[Outcome, None, None]:
-    """Plan many problems on every core of this machine or of a cluster, and yield what becomes of each.
+    """Plan many problems on every core of this machine or of a cluster, and yield the outcome of each.
 
         for outcome in hdplan.plan_many(scenes):
             print(outcome.problem, outcome.status, outcome.text)
 
     Bad input, an internal error, a crash or a problem that hangs is an outcome like any other, with its cause; the
-    others continue. A problem's motion is the same whatever the number of workers, unless its time limit ends it. The
-    workers end with the iterator, also if it is closed before its end. Its progress is reported to whoever listens
+    others continue. A problem's motion does not depend on the number of workers, unless its time limit ends it. The
+    workers end with the iterator, also if it is closed early. Progress is reported to all listeners
     (`hdplan.scenes.progress.listening`).
 
     Args:
-        problems: scenes, files of scenes, or shipped scenes' names; taken as workers get free, so it may be a generator
-            of any length.
-        workers: processes on this machine; None for one on each core.
+        problems: scenes, files of scenes, or shipped scenes' names; fetched as workers become free, so a generator of
+        any length is allowed. workers: processes on this machine; None for one on each core.
         scheduler: address of a running dask scheduler, such as "tcp://10.0.0.1:8786", whose workers are used instead.
         solver: as in `plan`.
         seed: of the random guesses; each problem's own seed is drawn from it and the problem's place in the order.
-        time_limit: [s] for everything that one problem needs. A process that has not returned after twice as long and
+        time_limit: [s] for each problem, reading and building included. A process that has not returned after twice as
+        long and
             10 s more is ended.
-        in_order: whether outcomes come in the order of the problems, or else as they come.
+        in_order: whether outcomes come in the order of the problems, or else as they arrive.
 
     Raises:
         InputError: bad arguments, at once, and if dask is not installed (the extra `batch`); while iterating, a
-            scheduler that does not answer or goes away, and a problem that is neither a scene nor a file's name.
+        scheduler that does not answer or disappears, and a problem that is neither a scene nor a file's name.
     """
     check_installed()
     solver_named(solver)

@@ -1,4 +1,4 @@
-"""One problem solved: a row of results, and the motion. This is what a worker does, whatever problem it is given."""
+"""One problem solved: a row of results, and the motion. Every worker runs this."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Outcome:
 
 
 def solve(job: Job, options: Options) -> Outcome:
-    """Plan one problem. Whatever happens becomes an outcome, but for what ends the process: a crash, too much memory,
+    """Plan one problem. Every result becomes an outcome, except when the process ends: a crash, too much memory,
     and a problem that does not return long after its time limit."""
     began = time.perf_counter()
     files: dict[str, bytes] = {}

@@ -1,4 +1,4 @@
-"""The places of a job drawn anew: what is taken stands elsewhere, and is set down elsewhere."""
+"""The places of a job drawn at random: objects are taken and set down elsewhere."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from hdplan.scenes.scene import Scene
 
 
 def moved_places(scene: Scene, rng: np.random.Generator, jitter: float) -> tuple[dict[str, float], Scene]:
-    """Return fields of a scene with a job in which what is gripped, and where it is let go, are moved along x and y, at
-    most `jitter` [m], and the scene with these. Raises InputError for a stage whose goal cannot be moved, and a job
+    """Return fields of a scene with a job in which what is gripped, and where it is released, are moved along x and y,
+    at most `jitter` [m], and the scene with these. Raises InputError for a stage whose goal cannot be moved, and a job
     that grips nothing."""
     assert scene.job is not None
     if not any(isinstance(stage, Grip) and stage.object for stage in scene.job.stages):

@@ -1,4 +1,4 @@
-"""A run: many problems solved into a folder, where nothing that was found is lost.
+"""A run: many problems solved into a folder, where no result is lost.
 
 The folder holds `run.json` (what the run is), `journal` (outcomes as they come) and, once the run ends or is
 interrupted, `results.parquet` (a row a problem) and `motions.parquet` (a row for each joint of each row of a motion).
@@ -41,7 +41,7 @@ def run_into(
     report: Callable[[int, int, Outcome], None] = lambda done, of, outcome: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> bool:
-    """Solve problems into a folder, going on where an earlier run of the same problems stopped.
+    """Solve problems into a folder, continuing where an earlier run of the same problems stopped.
 
     `report` is called with the number of problems done, of all, and each outcome; once `stop` returns True the run ends
     with what is there. Returns whether all problems are done. Raises InputError if the folder holds another run, or
@@ -73,7 +73,7 @@ def export_lerobot(folder: Path, jobs: Sequence[Job], options: Options, fps: int
 
 
 def _does(outcome: Outcome) -> str:
-    """Return what a motion does, in words: of a job the names of its stages."""
+    """Return a description of a motion: the names of a job's stages."""
     marks = () if outcome.trajectory is None else outcome.trajectory.stages
     return ", ".join(mark.name for mark in marks) or "move from start to goal"
 
@@ -102,16 +102,16 @@ def claimed(folder: Path, jobs: Sequence[Job], options: Options) -> Iterator[Jou
 
 
 def read_run(folder: FilePath) -> dict[str, Any]:
-    """Return what a run is. Raises InputError if the folder holds none."""
+    """Return the description of a run. Raises InputError if the folder holds none."""
     about = Path(folder) / RUN
     if not os.path.isfile(about):
-        raise InputError(f"{folder}: is no folder of a run ({RUN} is missing)")
+        raise InputError(f"{folder}: is not the folder of a run ({RUN} is missing)")
     try:
         header = json.loads(read_file(about))
     except ValueError:
         header = None
     if not isinstance(header, dict) or not isinstance(header.get("problems"), int):
-        raise InputError(f"{about}: is no run's description")
+        raise InputError(f"{about}: is not the description of a run")
     return header
 
 

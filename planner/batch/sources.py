@@ -124,7 +124,7 @@ def _table(path: Path) -> list[dict[str, object]]:
     try:
         lines = list(csv.reader(io.StringIO(content.decode("utf-8-sig"), newline=""), strict=True))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: is no CSV table ({error})") from None
+        raise InputError(f"{path}: is not a CSV table ({error})") from None
     head, *body = [line for line in lines if line] or [[]]
     if not head or len({*head}) < len(head) or not all(head):
         raise InputError(f"{path}: its first line must name every column, each by a name of its own")

@@ -75,7 +75,7 @@ def read_rows(file: Path) -> list[dict[str, Any]]:
         try:
             rows: list[dict[str, Any]] = pyarrow.parquet.read_table(file).to_pylist()
         except (OSError, pyarrow.ArrowException) as error:
-            raise InputError(f"is no Parquet table ({str(error).splitlines()[0]})") from None
+            raise InputError(f"is not a Parquet table ({str(error).splitlines()[0]})") from None
     return rows
 
 

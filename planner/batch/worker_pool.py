@@ -32,7 +32,7 @@ Workers = int | str | ClusterFile
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     from dask.system import CPU_COUNT
 
     return int(CPU_COUNT)

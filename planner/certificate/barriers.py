@@ -20,18 +20,18 @@ from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.once import made_once
 
 STEP = 1.0  # of a radius: the longest edge between points of one obstacle
-CROWD = 5_000  # points of one obstacle above which they are thinned
+MOST_POINTS = 5_000  # points of one obstacle above which they are thinned
 CELL = 0.3  # of a radius: of those in a cube of this edge one is kept
 CIRCLE_CORNERS = 40  # corners in place of a circle
 RADII_BEYOND_REACH = 2.0  # radii beyond the reach up to which there are points
 SPACING = 0.13  # of the reach, between points beyond it
-OUT = 3.0  # times the reach that these are beyond it
+OUTER_REACH = 3.0  # times the reach that these are beyond it
 ROUNDING = 1e-6  # [m]
 
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """A cylinder, in the world, in which a point of a link stays whatever the joints do."""
+    """A cylinder, in the world, in which a point of a link stays at all joint values."""
 
     origin: Array  # (3,)
     axis: Array  # (3,) unit
@@ -49,7 +49,7 @@ class Reach:
 
     @classmethod
     def of(cls, chain: Chain, joint: int, point: Array, travel: Array) -> Reach | None:
-        """Return that of a point (3,) in the frame of a joint, by how far the joints go (n, 2); None if they go on
+        """Return that of a point (3,) in the frame of a joint, by how far the joints go (n, 2); None if they continue
         without end."""
         *_, (last, (radius, low, high)) = chain.inward(joint, chain.around(joint, point[None], 0.0), travel)
         if not np.isfinite([radius, low, high]).all():
@@ -62,7 +62,7 @@ class Reach:
         """Points (k, 3) outside on all sides, and how far (k,) [m]."""
         tall = self.high - self.low
         size = max(self.radius, 0.5 * tall)
-        step, out = SPACING * size, OUT * size
+        step, out = SPACING * size, OUTER_REACH * size
         count = 1 + int(np.pi * (self.radius / step) ** 2)
         turns, away = np.pi * (3.0 - 5**0.5) * np.arange(count), self.radius * np.sqrt((np.arange(count) + 0.5) / count)
         disc = np.column_stack([away * np.cos(turns), away * np.sin(turns)])
@@ -111,7 +111,7 @@ def points_of(body: Body, keep: float, reach: Reach | None, ends: Array, most: f
     points, radii = points[kept], radii[kept]
     points, first = np.unique(points, axis=0, return_index=True)
     radii = radii[first]
-    if len(points) > CROWD:
+    if len(points) > MOST_POINTS:
         _, first = np.unique(np.floor(points / (CELL * radii[:, None])), axis=0, return_index=True)
         points, radii = points[first], radii[first]
     return points, radii - ROUNDING

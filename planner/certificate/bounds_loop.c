@@ -1,4 +1,4 @@
-/* The bounds of many pairs on many intervals: `Bounds.by_ball` and `Bounds.by_plane`, to rounding the same as in NumPy.
+/* The bounds of many pairs on many intervals: `Bounds.by_ball` and `Bounds.by_plane`, equal to NumPy's but for rounding.
    What is not a number stays so, and passes no bound: a direction that is not finite has no support value. */
 
 #include "../../distance/compiled/border.h"
@@ -6,28 +6,28 @@
 
 /* Bodies: of each, `number` vertices from row `first` on, and what sweeps them: a ball, a disc normal to z, an
    ellipsoid; half the size of its box, the radius of its ball; on interval k it has row `row` + k `step` of the places
-   below. Pairs, and which coordinates move one of their bodies and not the other (pairs, n). `turns` tells of every
-   coordinate whether it turns. */
+below. Pairs, and which coordinates move one of their bodies and not the other (pairs, n). `turns` is 1 for every
+   coordinate that turns. */
 typedef struct {
   long long n, pairs, bodies;
   const long long *turns, *a, *b, *moves_a, *moves_b, *first, *number, *row, *step;
   const double *vertices, *ball, *disc, *radii, *half, *radius;
 } world;
 
-/* The intervals, as `Intervals` says; the last four are null where nothing drifts. */
+/* The intervals, as in `Intervals`; the last four are null where nothing drifts. */
 typedef struct {
   long long count, places, n;
   const double *rotation, *origin, *center, *reach, *delta, *deviation, *axes, *points;
   const double *drift_omega, *drift_velocity, *drift_first, *drift_second;
 } intervals;
 
-/* What is asked: pairs on intervals. */
+/* A query: pairs on intervals. */
 typedef struct {
   const world* of;
   const intervals* during;
   const long long *node, *pair;
   long long items;
-} question;
+} query;
 
 /* One body of a pair on an interval: its row of the places, and which coordinates move it and not the other. */
 typedef struct {
@@ -37,12 +37,12 @@ typedef struct {
   const long long* moves;
 } mover;
 
-static mover mover_of(const question* asked, long long item, int second) {
-  const world* of = asked->of;
-  const long long k = asked->node[item], pair = asked->pair[item], body = second ? of->b[pair] : of->a[pair];
+static mover mover_of(const query* request, long long item, int second) {
+  const world* of = request->of;
+  const long long k = request->node[item], pair = request->pair[item], body = second ? of->b[pair] : of->a[pair];
   return (mover){
       .of = of,
-      .during = asked->during,
+      .during = request->during,
       .k = k,
       .body = body,
       .row = of->row[body] + k * of->step[body],
@@ -82,11 +82,11 @@ static double centre_to_box(const mover* ball, const mover* box, double* normal)
 
 /* From the ball around the first body of each item's pair to the box of the second: the distance, less radius and
    travel, and its direction. */
-static void by_ball(const question* asked, double* bound, double* normal) {
-  for (long long i = 0; i < asked->items; ++i) {
-    const mover ours = mover_of(asked, i, 0), theirs = mover_of(asked, i, 1);
+static void by_ball(const query* request, double* bound, double* normal) {
+  for (long long i = 0; i < request->items; ++i) {
+    const mover ours = mover_of(request, i, 0), theirs = mover_of(request, i, 1);
     const double distance = centre_to_box(&ours, &theirs, normal + 3 * i);
-    bound[i] = distance - asked->of->radius[ours.body] - travel(&ours) - travel(&theirs);
+    bound[i] = distance - request->of->radius[ours.body] - travel(&ours) - travel(&theirs);
   }
 }
 
@@ -97,7 +97,7 @@ typedef struct {
   double omega[3], velocity[3], first, second;
 } motion;
 
-/* Add what the coordinate j that moves by `delta` adds: about an axis z through o, delta z and o × delta z; along z only
+/* Add the share of coordinate j, which moves by `delta`: about an axis z through o, delta z and o × delta z; along z only
    a velocity. */
 static void add_joint(const mover* by, long long j, double delta, motion* found) {
   const double* axis = by->during->axes + 3 * (by->k * by->of->n + j);
@@ -183,9 +183,9 @@ static void extremes(const mover* by, const double* n, const motion* moved, doub
 
 /* Between parallel planes normal to a direction from the second body of each item's pair to the first: their distance
    at the midpoint, the bound over the interval, and how far the two bodies move at most. */
-static void by_plane(const question* asked, const double* normal, double* gap, double* bound, double* travels) {
-  for (long long i = 0; i < asked->items; ++i) {
-    const mover ours = mover_of(asked, i, 0), theirs = mover_of(asked, i, 1);
+static void by_plane(const query* request, const double* normal, double* gap, double* bound, double* travels) {
+  for (long long i = 0; i < request->items; ++i) {
+    const mover ours = mover_of(request, i, 0), theirs = mover_of(request, i, 1);
     const motion first = motion_of(&ours), second = motion_of(&theirs);
     const double *n = normal + 3 * i, back[3] = {-n[0], -n[1], -n[2]};
     double near[3], far[3], gaps[3];
@@ -253,42 +253,42 @@ WRAPPER(make_intervals) {
   return made(&taken, "intervals", &during, sizeof during);
 }
 
-/* What both functions take first; every body has its place on every interval. */
-static question take_question(arguments* taken) {
-  question asked;
-  asked.of = record(taken, "world", "world");
-  asked.during = record(taken, "intervals", "intervals");
-  asked.node = indices(taken, "node", 0, asked.during ? asked.during->count : 0, SHAPE(ANY));
-  asked.items = taken->shape[0];
-  asked.pair = indices(taken, "pair", 0, asked.of ? asked.of->pairs : 0, SHAPE(asked.items));
-  if (taken->failed) return asked;
-  const long long last = asked.during->count - 1, places = asked.during->places;
-  if (asked.during->n != asked.of->n) wrong(taken, "intervals", "of the joints of the world");
-  for (long long k = 0; k < asked.of->bodies && last >= 0; ++k) {
-    const long long row = asked.of->row[k], step = asked.of->step[k];
+/* The first arguments of both functions; every body has its place on every interval. */
+static query take_query(arguments* taken) {
+  query request;
+  request.of = record(taken, "world", "world");
+  request.during = record(taken, "intervals", "intervals");
+  request.node = indices(taken, "node", 0, request.during ? request.during->count : 0, SHAPE(ANY));
+  request.items = taken->shape[0];
+  request.pair = indices(taken, "pair", 0, request.of ? request.of->pairs : 0, SHAPE(request.items));
+  if (taken->failed) return request;
+  const long long last = request.during->count - 1, places = request.during->places;
+  if (request.during->n != request.of->n) wrong(taken, "intervals", "of the joints of the world");
+  for (long long k = 0; k < request.of->bodies && last >= 0; ++k) {
+    const long long row = request.of->row[k], step = request.of->step[k];
     if (row >= places || (step > 0 && last > (places - 1 - row) / step))
       wrong(taken, "intervals", "those in which the bodies of the world have places");
   }
-  return asked;
+  return request;
 }
 
 WRAPPER(call_by_ball) {
   arguments taken = begin("by_ball", given, count);
-  const question asked = take_question(&taken);
-  double* bound = written(&taken, "bound", SHAPE(asked.items));
-  double* normal = written(&taken, "normal", SHAPE(asked.items, 3));
-  if (ready(&taken)) WITHOUT_LOCK(by_ball(&asked, bound, normal));
+  const query request = take_query(&taken);
+  double* bound = written(&taken, "bound", SHAPE(request.items));
+  double* normal = written(&taken, "normal", SHAPE(request.items, 3));
+  if (ready(&taken)) WITHOUT_LOCK(by_ball(&request, bound, normal));
   return ended(&taken, none());
 }
 
 WRAPPER(call_by_plane) {
   arguments taken = begin("by_plane", given, count);
-  const question asked = take_question(&taken);
-  const double* normal = numbers(&taken, "normal", SHAPE(asked.items, 3));
-  double* gap = written(&taken, "gap", SHAPE(asked.items));
-  double* bound = written(&taken, "bound", SHAPE(asked.items));
-  double* travels = written(&taken, "travels", SHAPE(asked.items));
-  if (ready(&taken)) WITHOUT_LOCK(by_plane(&asked, normal, gap, bound, travels));
+  const query request = take_query(&taken);
+  const double* normal = numbers(&taken, "normal", SHAPE(request.items, 3));
+  double* gap = written(&taken, "gap", SHAPE(request.items));
+  double* bound = written(&taken, "bound", SHAPE(request.items));
+  double* travels = written(&taken, "travels", SHAPE(request.items));
+  if (ready(&taken)) WITHOUT_LOCK(by_plane(&request, normal, gap, bound, travels));
   return ended(&taken, none());
 }
 

@@ -20,14 +20,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.planner.certificate.collision_proof import SHORTEST_INTERVAL, Proof, Spot, Sweep
+from hdplan.planner.certificate.collision_proof import SHORTEST_INTERVAL, Proof
 from hdplan.planner.certificate.coverage import compared, ends_of, refuse_gaps, required_of
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
+from hdplan.planner.certificate.placed_pairs import Spot
 from hdplan.planner.certificate.rounding import refuse_far_bodies, refuse_large_motion
 from hdplan.planner.certificate.sizes import FIELDS, Sizes
 from hdplan.planner.certificate.solids import link_bodies, obstacle_bodies
+from hdplan.planner.certificate.sweep import Sweep
 from hdplan.planner.certificate.verdict import (
     Certificate,
     Closest,
@@ -61,7 +63,6 @@ if TYPE_CHECKING:
 
 
 ENDS_KEEP = 0.75  # share of the clearance at start or goal that is required where it is below planner.clearance
-NEAR_PAIR = 0.15  # [m] within which the closest pair is searched for first
 
 
 def certify(
@@ -85,14 +86,14 @@ def certify(
     Raises:
         InputError: the trajectory's joints do not match the robot's; a mesh of the scene cannot be used; the robot
             was changed after it was loaded.
-        UncheckedError: something that the scene asks for was not checked, a fault of hdplan (`coverage`).
+        UncheckedError: a requirement of the scene was not checked, a fault of hdplan (`coverage`).
     """
     return Certifier(Setup.of(scene, robot)).certify(trajectory, required=required, check_ends=check_ends)
 
 
 def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Contact, ...]:
     """Return the contacts at configuration `q` (n,) [rad or m], the deepest first: exact, of the scene's robot with
-    itself and with the obstacles at their nominal poses at time 0, whatever the scene's sizes.
+    itself and with the obstacles at their nominal poses at time 0, regardless of the scene's sizes.
 
     Raises InputError for a wrong number of values, or one that is not finite.
     """
@@ -144,7 +145,7 @@ class Certifier:
         self._required = required_of(setup.scene, setup.robot)
 
     def between(self, start: JointTarget, goal: JointTarget) -> Certifier:
-        """Return the same of another start and goal: of the bodies nothing is made anew. Raises InputError for ends
+        """Return the same of another start and goal: no body is made again. Raises InputError for ends
         that do not fit the robot."""
         found = copy.copy(self)
         found._ends_at(self.setup.changed(start=start, goal=goal))
@@ -181,7 +182,7 @@ class Certifier:
         measured: bool = True,
     ) -> Certificate:
         """Certify one trajectory; see `certify`. A `suspect`, a place where contact is likely (a waypoint interval and
-        a fraction of it), is looked at first, and the first contact found anywhere ends the search, so that the
+        a fraction of it), is examined first, and the first contact found anywhere ends the search, so that the
         failures are not complete, nor is the cost of the unknown then given. At ends that are `passing` the robot does
         not stop: the motion itself says where those are, so that no lesser clearance is required for them. What is
         neither proven nor refuted on the `shortest` part of a waypoint interval is given up as not proven. Without
@@ -261,7 +262,7 @@ class Certifier:
         )
 
     def required(self, curve: Curve, passing: Collection[str] = ()) -> tuple[float, tuple[str, ...]]:
-        """Return the clearance [m] that the scene asks of a motion, for obstacles without a clearance of their own:
+        """Return the clearance [m] that the scene requires of a motion, for obstacles without a clearance of their own:
         planner.clearance, or less, with a note, where the scene's own start or goal is closer. Of several goals the one
         that the motion reaches counts; ends that are `passing` do not."""
         required, notes = self.scene.planner.clearance, []
@@ -328,8 +329,8 @@ class Certifier:
         return () if self.path is None else self.path.at(self.robot.expand(q))
 
     def overload(self, q: ArrayLike) -> str | None:
-        """Say which limit the robot exceeds even at rest at q (n,), where gravity overloads a joint; None if it
-        exceeds none."""
+        """Return, in words, which limit the robot exceeds even at rest at q (n,), where gravity overloads a joint; None
+        if it exceeds none."""
         values = np.asarray(q, dtype=np.float64)
         return next((message for check in self.limits if (message := check.overload(values))), None)
 
@@ -359,16 +360,21 @@ class Certifier:
     def nearest(self, q: ArrayLike, within: float = np.inf, time: float = 0.0) -> tuple[Place | None, Place | None]:
         """Return the closest places at one configuration and time [s], with exact distances: to an obstacle, and
         between links; None where nothing is `within` [m]."""
-        spots = self.sweep.nearest(self._configuration(q), within, time)
+        (spots,) = self.sweep.nearest(self._configuration(q)[None], np.array([time]), within)
+        return self._places(spots)
+
+    def nearest_along(self, configurations: Array, times: Array) -> list[tuple[Place | None, Place | None]]:
+        """Return what is `nearest` at each of the configurations (k, n) and times (k,) [s]."""
+        return [self._places(spots) for spots in self.sweep.nearest(self.robot.expand(configurations), times)]
+
+    def _places(self, spots: tuple[Spot | None, Spot | None]) -> tuple[Place | None, Place | None]:
         to_obstacle, between_links = (self._standing(spot) if spot else None for spot in spots)
         return to_obstacle, between_links
 
     def closest(self, q: ArrayLike, time: float = 0.0) -> tuple[Closest | None, Closest | None]:
-        """Return what is `nearest` at one configuration and time [s], with the closest points of the two bodies."""
+        """Return the `nearest` places at one configuration and time [s], with the closest points of the two bodies."""
         configuration = self._configuration(q)
-        spots = self.sweep.nearest(configuration, NEAR_PAIR, time)  # mostly finds something, with few pairs to compare
-        if None in spots:
-            spots = self.sweep.nearest(configuration, time=time)
+        (spots,) = self.sweep.nearest(configuration[None], np.array([time]))
         to_obstacle, between_links = (
             Closest(*self._names(spot.pair), kind, spot.distance, self.sweep.witnesses(configuration, spot.pair, time))
             if spot

@@ -12,44 +12,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdplan.planner.certificate.containment import Containment
-from hdplan.planner.certificate.exact_proximity import Piece, witness_points
-from hdplan.planner.certificate.interval_bounds import Bounds, Items
-from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
+from hdplan.planner.certificate.interval_bounds import Items
+from hdplan.planner.certificate.intervals import Index, Intervals
 from hdplan.planner.certificate.part_bounds import PartBounds
-from hdplan.planner.certificate.part_distance import closest_parts, distance
-from hdplan.planner.certificate.rounding import ROUNDING
+from hdplan.planner.certificate.placed_pairs import PlacedPairs, PreparedPairs, Spot
 from hdplan.planner.motion.curve import Curve
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import TimeLimitError
 
 SHORTEST_INTERVAL = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
 LEAST_MOTION = 1e-6  # [m] motion below which halving does not help
-CLEAR_OVERLAP = 1e-3  # [m] by which hulls overlap where no closer look is needed
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
 # share of this tolerance by which a place must be closer than the closest known one to be examined
 CLOSER_SHARE = 0.02
 FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
-GROWTH = 2  # each by this factor: what it finds spares the next one measurements
+MEASURING_FACTOR = 2  # each by this factor: what it finds spares the next one measurements
 ROOTS = 64  # parts, at least, in which a motion is bounded first: of a longer one these are several intervals each
 WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked
 BATCH_FACTOR = 8  # times as many pairs at once where groups of bodies settle most of their items
 MOST_ITEMS = 30_000  # pairs on intervals evaluated together: more would only fill the memory
 MOST_EXACT_CALLS = 300_000  # exact distances computed in one proof; after that the rest is "not proven"
-
-
-@dataclass(frozen=True)
-class Spot:
-    """A place on the motion and the distance there."""
-
-    interval: int  # between two rows of the curve
-    fraction: float  # within it, 0 to 1
-    pair: int  # row of the pairs
-    distance: float  # [m] computed there: negative in contact (then minus the depth, where it is known)
-    touching: bool = False  # whether that distance is too small; otherwise it could not be proven large enough
-    unknown: float = 0.0  # [m] the part that is unknown: nominally the two are this much farther apart
 
 
 @dataclass(frozen=True)
@@ -64,106 +48,32 @@ class Proof:
     whole: bool = True  # whether no pair was passed over, but for a contact that ended the search
 
 
-class Sweep:
-    """Bodies and pairs, prepared for many motions."""
-
-    def __init__(self, bodies: Bodies, pairs: Pairs) -> None:
-        """Note for which pairs the distance of the hulls is not the exact one."""
-        self.bodies, self.pairs = bodies, pairs
-        self.hollow = bodies.hollow[pairs.a] | bodies.hollow[pairs.b]  # (P,)
-        self.bounds, self.containment = Bounds(bodies, pairs), Containment(bodies, pairs)
-
-    def distances(
-        self, q: Array, within: float = np.inf, time: float = 0.0, surfaces: bool = False, unknown: bool = False
-    ) -> tuple[Spot, ...]:
-        """Return the signed distance of every pair at one configuration q (n,) at a time [s]: negative in contact.
-
-        Pairs that are certainly farther apart than `within` [m] are left out. Where hulls are apart, the distance is
-        theirs, or, with `surfaces`, that of the triangles that they contain; with `unknown`, less what that may take.
-        """
-        return self._standing(q, time).at_start(within=within, surfaces=surfaces, unknown=unknown)
-
-    def are_clear(self, rows: Array, floor: Array, time: float = 0.0) -> Mask:
-        """True (B,) where every pair is apart, at configurations (B, n) at a time [s], by what it must keep (P,) [m],
-        less what is unknown: what `distances` say, but no more is looked at than decides it."""
-        curve = Curve.through(np.concatenate([rows, rows[-1:]]), np.full(len(rows) + 1, time))
-        return _Run(self, curve, np.zeros(len(self.pairs.a))).are_clear(floor)
-
-    def nearest(self, q: Array, within: float = np.inf, time: float = 0.0) -> tuple[Spot | None, Spot | None]:
-        """Return the closest pair of each group at one configuration q (n,) and time [s], exactly: by the surfaces, not
-        their hulls.
-
-        None for a group without a pair `within` [m].
-        """
-        return self._standing(q, time).nearest_at_start(within)
-
-    def hull_gap(self, q: Array, within: float, time: float = 0.0) -> float:
-        """Return how far the hulls of the robot are from those of obstacles at one configuration q (n,) and time [s],
-        at most `within` [m]: sooner known than the distance of the bodies, which is no less. Negative in an overlap."""
-        return self._standing(q, time).hull_gap_at_start(within)
-
-    def witnesses(self, q: Array, pair: int, time: float = 0.0) -> Array:
-        """Return the closest points (2, 3) [m] of two bodies at one configuration q (n,) and time [s], for pictures."""
-        return self._standing(q, time).witnesses_at_start(pair)
-
-    def shares(self, curve: Curve, spot: Spot) -> Array:
-        """Return what each of the scene's sizes takes of the distance at a place (6,) [m], by `sizes.FIELDS`."""
-        sizes = self.bodies.sizes
-        assert sizes is not None
-        run = _Run(self, curve, np.zeros(len(self.pairs.a)))
-        nodes = Intervals.of(self.bodies, curve, run.rho, *map(np.array, ([spot.interval], [spot.fraction], [0.0])))
-        none = np.zeros(1, dtype=np.int64)
-        return np.asarray(sizes.at_middle(nodes, self.pairs, none, none + spot.pair)[:, 0])
-
-    def prove(
-        self,
-        curve: Curve,
-        required: Array | float = 0.0,
-        suspect: tuple[int, float] | None = None,
-        shortest: float = SHORTEST_INTERVAL,
-        measured: bool = True,
-    ) -> Proof:
-        """Prove a motion, or find where it cannot be proven.
-
-        `required` [m], one for each pair (P,) or one for all, is what pairs must keep; at 0 they must not touch. A
-        `suspect`, a waypoint interval and a fraction of it, is looked at first, and the first contact found anywhere
-        ends the search: failures are then not complete. What is neither proven nor refuted on the `shortest` part of a
-        waypoint interval is not proven. Unless it is to be `measured` how far apart they are, what suffices is enough:
-        the proven clearance is then no less than required, and may be far less than the closest distance.
-        """
-        floor = np.broadcast_to(np.asarray(required, dtype=np.float64), self.pairs.a.shape)
-        return _Run(self, curve, floor, suspect, shortest, measured).prove()
-
-    def _standing(self, q: Array, time: float) -> _Run:
-        """Return a run that stands at one configuration and time."""
-        return _Run(self, Curve.through(np.stack([q, q]), np.array([time, time])), np.zeros(len(self.pairs.a)))
-
-
-class _Run:
+class MotionProof(PlacedPairs):
     """The proof of one motion in progress."""
 
     def __init__(
         self,
-        sweep: Sweep,
+        prepared: PreparedPairs,
         curve: Curve,
         floor: Array,
         suspect: tuple[int, float] | None = None,
         shortest: float = SHORTEST_INTERVAL,
         measured: bool = True,
     ) -> None:
-        self.bodies, self.pairs, self.hollow = sweep.bodies, sweep.pairs, sweep.hollow
-        self.bounds, self.containment = sweep.bounds, sweep.containment
-        self.curve, self.floor, self.rho = curve, floor, sweep.bodies.reach(curve)
+        """Take what is to be proven: see `Sweep.prove`."""
+        super().__init__(prepared, curve)
+        self.floor = floor
         self.suspect, self.shortest, self.measured = suspect, shortest, measured
         self.clearance = [np.inf, np.inf]
         self.closest: list[Spot | None] = [None, None]
         self.failures: dict[tuple[int, int], Spot] = {}
         self.failed = np.zeros((len(curve) - 1, len(self.pairs.a)), dtype=bool)
-        self.configurations = self.exact_calls = self.looked_at = 0
+        self.looked_at = 0
         self.parts = PartBounds(self.bodies, self.pairs)
         self._required: Array | None = None  # (P,) what `_enough` returns, until a closer place is found
 
     def prove(self) -> Proof:
+        """Return the findings for the whole motion."""
         for spot in self._inside():
             self._met(spot)
         if self.suspect is not None:
@@ -213,7 +123,7 @@ class _Run:
             while intervals >= 2 * ROOTS * width:
                 width *= 2
         first = np.minimum(np.arange(0, intervals, width), intervals - width)
-        return self._place(first, np.zeros(len(first)), np.full(len(first), float(width)))
+        return self.place(first, np.zeros(len(first)), np.full(len(first), float(width)))
 
     def _left(self, count: int, pairs: Index, grouped: tuple[Array, Index] | None) -> Items:
         """Return the pairs on all intervals, without those that the balls around groups settle."""
@@ -229,116 +139,26 @@ class _Run:
 
     def _look_at(self, interval: int, fraction: float) -> None:
         """Record how close the pairs are at one place, those whose balls come too close there."""
-        nodes = self._place(np.array([interval]), np.array([fraction]), np.zeros(1))
+        nodes = self.place(np.array([interval]), np.array([fraction]), np.zeros(1))
         items = Items.all(1, np.arange(len(self.pairs.a)))
         bound, _ = self.bounds.by_ball(nodes, items)
         items = items[bound <= self.floor]
         if len(items):
             self._exactly(nodes, items)
 
-    def at_start(self, within: float = np.inf, surfaces: bool = False, unknown: bool = False) -> tuple[Spot, ...]:
-        """Return the signed distances of all pairs at the first waypoint, except for those that bounding balls prove to
-        be farther apart than `within`."""
-        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
-        spots = self._contained(nodes, self.containment.found(nodes))
-        items = Items.all(1, np.arange(len(self.pairs.a)))
-        if within < np.inf:
-            bound, _ = self.bounds.by_ball(nodes, items)
-            items = items[bound <= within + ROUNDING]
-        if not len(items):
-            return tuple(spots)
-        values, *_ = self._exact(nodes, items)
-        less = self.bounds.unknown(nodes, items) if unknown else np.zeros(len(items))
-        for value, pair, off in zip(values.tolist(), items.pair.tolist(), less.tolist(), strict=True):
-            if value <= 0.0 and self.hollow[pair]:
-                value = self._surface(nodes, 0, pair)
-            elif surfaces and self.hollow[pair] and value - off <= within:
-                value = max(value, self._surface(nodes, 0, pair))
-            spots.append(Spot(0, 0.0, pair, value - off, value - off <= 0.0, off))
-        return tuple(spots)
-
-    def are_clear(self, floor: Array) -> Mask:
-        """True where all pairs are apart, at all waypoints but the last, by what each must keep (P,)."""
-        nodes = self._at_waypoints(np.arange(len(self.curve) - 1))
-        clear = np.ones(len(nodes.interval), dtype=bool)
-        clear[[node for node, _ in self.containment.found(nodes)]] = False
-        items = Items.all(len(clear), np.arange(len(self.pairs.a)))
-        bound, normal = self.bounds.by_ball(nodes, items)
-        near = (bound <= floor[items.pair] + ROUNDING) & clear[items.node]
-        items, normal = items[near], normal[near]
-        _, bound, _ = self.bounds.by_plane(nodes, items, normal)
-        items = items[bound <= floor[items.pair] + ROUNDING]
-        if not len(items):
-            return clear
-        hollow = self.hollow[items.pair]
-        values, deep = self.bounds.overlapping(nodes, items, CLEAR_OVERLAP)
-        less, kept = self.bounds.unknown(nodes, items), floor[items.pair]
-
-        def close(apart: Array) -> Mask:
-            return np.asarray((apart - less <= 0.0) | (apart - less < kept))
-
-        clear[items.node[deep & ~hollow]] = False
-        rows = np.flatnonzero(close(values - ROUNDING) & ~deep & clear[items.node])  # by their first directions
-        values[rows], *_ = self._exact(nodes, items[rows])
-        doubtful = close(values)
-        clear[items.node[doubtful & ~hollow]] = False
-        for i in np.flatnonzero(doubtful)[np.argsort(values[doubtful])].tolist():  # their hulls, but maybe not they
-            node = int(items.node[i])
-            if clear[node]:
-                values[i] = self._surface(nodes, node, int(items.pair[i]), max(kept[i], 0.0) + less[i])
-                clear[node] = not close(values)[i]
-        return clear
-
-    def hull_gap_at_start(self, within: float) -> float:
-        """Return the least distance of hulls to obstacles at the first waypoint, at most `within`."""
-        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
-        items = Items.all(1, np.flatnonzero(self.pairs.group == 0))
-        bound, _ = self.bounds.by_ball(nodes, items)
-        items = items[bound <= within + ROUNDING]
-        return float(self.bounds.overlapping(nodes, items, CLEAR_OVERLAP)[0].min(initial=within))
-
-    def nearest_at_start(self, within: float) -> tuple[Spot | None, Spot | None]:
-        """Return the closest pair of each group at the first waypoint, if it is `within`."""
-        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
-        best: list[Spot | None] = [None, None]
-        for spot in sorted(
-            self.at_start(within=within), key=lambda spot: spot.distance
-        ):  # a surface is no closer than its hull
-            group = int(self.pairs.group[spot.pair])
-            least = best[group]
-            if least is not None and least.distance <= spot.distance:
-                continue
-            if self.hollow[spot.pair] and not spot.touching:
-                spot = replace(spot, distance=max(spot.distance, self._surface(nodes, 0, spot.pair)))
-            if spot.distance <= within and (least is None or spot.distance < least.distance):
-                best[group] = spot
-        return best[0], best[1]
-
-    def witnesses_at_start(self, pair: int) -> Array:
-        """Return the closest points (2, 3) of two bodies at the first waypoint."""
-        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
-        return witness_points(*closest_parts(*self._posed(nodes, 0, pair)))
-
     # --- one inside the other ----------------------------------------------------------------------------------------
 
     def _inside(self) -> list[Spot]:
         """Return the bodies that lie inside others at the start of the motion, or inside open meshes at a waypoint: the
         first such waypoint."""
-        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
-        spots = self._contained(nodes, self.containment.found(nodes))
+        nodes = self.at_waypoints(np.zeros(1, dtype=np.int64))
+        spots = self.contained(nodes, self.containment.found(nodes))
         rows = np.arange(1, len(self.curve)) if self.containment.open.any() else np.arange(0)
         for first in range(0, len(rows), WAYPOINTS_AT_ONCE):
-            nodes, known = self._at_waypoints(rows[first : first + WAYPOINTS_AT_ONCE]), {spot.pair for spot in spots}
+            nodes, known = self.at_waypoints(rows[first : first + WAYPOINTS_AT_ONCE]), {spot.pair for spot in spots}
             earliest = {pairs: (node, pairs) for node, pairs in reversed(self.containment.found_in_open(nodes))}
-            spots += self._contained(nodes, [each for pairs, each in earliest.items() if pairs[0] not in known])
+            spots += self.contained(nodes, [each for pairs, each in earliest.items() if pairs[0] not in known])
         return spots
-
-    def _contained(self, nodes: Intervals, found: list[tuple[int, tuple[int, ...]]]) -> list[Spot]:
-        """Return a place for each, as deep as the surfaces are apart: at least that far one of the two has to move."""
-        return [
-            self._spot(nodes, node, pairs[0], -max(min(self._surface(nodes, node, p) for p in pairs), ROUNDING), True)
-            for node, pairs in found
-        ]
 
     # --- one round ----------------------------------------------------------------------------------------------------
 
@@ -362,7 +182,7 @@ class _Run:
         first, after = 0, len(lowest)
         while first < len(order):
             chunk = self._open(nodes, items[order[first:after]])
-            first, size = after, GROWTH * size
+            first, size = after, MEASURING_FACTOR * size
             after += size
             if len(chunk):
                 _, bound, _ = self.bounds.by_plane(nodes, chunk, chunk.normal)
@@ -419,7 +239,7 @@ class _Run:
         """Raise the items' bounds by exact distances at the midpoints, and record the closest places and contacts."""
         hulls, bound, normals = np.full(len(items), -np.inf), items.bound.copy(), items.normal.copy()
         rows = np.flatnonzero(~self.parts.overlap[items.pair])
-        hulls[rows], higher, _, normals[rows] = self._exact(nodes, items[rows])
+        hulls[rows], higher, _, normals[rows] = self.exact(nodes, items[rows])
         bound[rows] = np.maximum(bound[rows], higher)
         items = replace(items, bound=bound, normal=normals)
         unknown = self.bounds.unknown(nodes, items)
@@ -431,7 +251,7 @@ class _Run:
             notable[np.flatnonzero(group == which)[:1]] = True  # the closest
         for i in order[notable].tolist():
             node, pair, value = int(items.node[i]), int(items.pair[i]), float(values[i])
-            self._met(self._spot(nodes, node, pair, value, bool(touching[i]), float(unknown[i])))
+            self._met(self.spot(nodes, node, pair, value, bool(touching[i]), float(unknown[i])))
         return items
 
     def _by_parts(self, nodes: Intervals, items: Items, hulls: Array, unknown: Array) -> Array:
@@ -482,7 +302,7 @@ class _Run:
         for node, pair, bound in zip(
             items.node[undecided], items.pair[undecided], items.bound[undecided].tolist(), strict=True
         ):
-            spot, first = self._spot(nodes, int(node), int(pair), bound, False), int(nodes.interval[node])
+            spot, first = self.spot(nodes, int(node), int(pair), bound, False), int(nodes.interval[node])
             for each in range(first, first + max(1, int(nodes.width[node]))):
                 self._fail(replace(spot, interval=each))
         items = items[~undecided]
@@ -498,7 +318,7 @@ class _Run:
             np.tile(items.bound, 2),
             np.tile(items.normal, (2, 1)),
         )
-        return self._place(interval, start, width), halves
+        return self.place(interval, start, width), halves
 
     def _met(self, spot: Spot) -> None:
         """Record a distance that was found."""
@@ -515,37 +335,6 @@ class _Run:
         worst = self.failures.get(key)
         if worst is None or spot.distance < worst.distance:
             self.failures[key] = spot
-
-    # --- small parts --------------------------------------------------------------------------------------------------
-
-    def _place(self, interval: Index, start: Array, width: Array) -> Intervals:
-        self.configurations += len(interval)
-        return Intervals.of(self.bodies, self.curve, self.rho, interval, start, width)
-
-    def _at_waypoints(self, rows: Index) -> Intervals:
-        """Place the bodies at waypoints (k,)."""
-        interval = np.minimum(rows, len(self.curve) - 2)
-        return self._place(interval, (rows - interval).astype(np.float64), np.zeros(len(rows)))
-
-    def _surface(self, nodes: Intervals, node: int, pair: int, within: float = np.inf) -> float:
-        """Return the distance of two bodies; one larger than `within` [m] need not be exact."""
-        self.exact_calls += 1
-        return distance(*self._posed(nodes, node, pair), within)
-
-    def _exact(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array, Array]:
-        self.exact_calls += len(items)
-        return self.bounds.by_best_plane(nodes, items)
-
-    def _posed(self, nodes: Intervals, node: int, pair: int) -> tuple[Piece, Array, Piece, Array]:
-        a, b = int(self.pairs.a[pair]), int(self.pairs.b[pair])
-        return self.bodies.pieces[a], nodes.pose(node, a), self.bodies.pieces[b], nodes.pose(node, b)
-
-    def _spot(
-        self, nodes: Intervals, node: int, pair: int, distance: float, touching: bool, unknown: float = 0.0
-    ) -> Spot:
-        fraction = float(nodes.start[node] + 0.5 * nodes.width[node])
-        whole = int(fraction) if nodes.width[node] > 1.0 else 0
-        return Spot(int(nodes.interval[node]) + whole, fraction - whole, pair, distance, touching, unknown)
 
 
 def _goal(distance: float) -> float:

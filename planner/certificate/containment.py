@@ -1,4 +1,4 @@
-"""Bodies that lie wholly inside the solid that a mesh bounds: distances between surfaces do not show that.
+"""Bodies that lie wholly inside the solid that a mesh bounds, which distances between surfaces do not show.
 
 Let A be bounded by triangles, and B convex or bounded by triangles too. Let no triangle of A meet B, or a triangle of
 B, at any time of a motion: the collision proof shows that, piece by piece, as the pieces that a mesh is cut into
@@ -37,7 +37,7 @@ class Containment:
 
     def __init__(self, bodies: Bodies, pairs: Pairs) -> None:
         """Collect the queries: every pair of bodies one of which is bounded by triangles. Of a cloud every ball is a
-        part, so that the parts of a body are looked at only where the body is near the solid."""
+        part, so that the parts of a body are examined only where the body is near the solid."""
         self.bodies = bodies
         first: dict[object, int] = {}  # the first of all pieces cut from one mesh stands for them
         whole = np.array([first.setdefault(_identity(body), row) for row, body in enumerate(bodies.bodies)], np.int64)
@@ -101,7 +101,7 @@ class Containment:
 
 
 def _identity(body: Body) -> object:
-    """Return what all pieces cut from one mesh have in common."""
+    """Return the key that all pieces cut from one mesh share."""
     surface = body.piece.surface
     if surface is None:
         return id(body)

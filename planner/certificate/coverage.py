@@ -37,7 +37,7 @@ from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
-ANY = "*"  # fields of a class each of which is required by its own name
+ANY_FIELD = "*"  # fields of a class each of which is required by its own name
 FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the certificate knows, alone or by a check
     Scene: (
         "name source robot obstacles start goal planner from_request attached self_collision limits payload path "
@@ -49,7 +49,7 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
     ),
     PlanarBase: "x y yaw kind",
     Obstacle: "name shape pose clearance motion uncertainty",
-    **dict.fromkeys((Uncertainty, Tracking, Calibration), ANY),
+    **dict.fromkeys((Uncertainty, Tracking, Calibration), ANY_FIELD),
     SteadyMotion: "velocity spin",
     TimedPoses: "times poses",
     Cloud: "points radius voxel drop_nan ignore_robot ignore name pose",
@@ -63,9 +63,9 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
     PoseTarget: "link pose position_tolerance orientation_tolerance free_rotation field",
     AllOf: "poses field",
     Goals: "targets field",
-    Limits: ANY,
+    Limits: ANY_FIELD,
     Payload: "link mass com inertia",
-    PathConstraints: ANY,
+    PathConstraints: ANY_FIELD,
     Upright: "link axis tolerance",
     Within: "link size pose point",
     Relative: "link to pose position_tolerance orientation_tolerance",
@@ -78,7 +78,7 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
     ),
     Timing: "duration scale rate",  # how a motion is made: what is certified lasts as long as it lasts
     Job: "stages",  # each of which has a scene of its own
-    **dict.fromkeys((Move, Line, Circle, Along, Grip, Release, Set, Wait), ANY),
+    **dict.fromkeys((Move, Line, Circle, Along, Grip, Release, Set, Wait), ANY_FIELD),
     Pose: "position quaternion_xyzw",
     FixedArray: "array left_out",
 }
@@ -89,7 +89,8 @@ NUMBERS = (float, int, str)  # which hold nothing
 
 
 class UncheckedError(RuntimeError):
-    """A fault of hdplan: something that the scene asks of a motion was not checked, so that there is no certificate."""
+    """A fault of hdplan: something that the scene requires of a motion was not checked, so that there is no
+    certificate."""
 
 
 def refuse_gaps(required: frozenset[str], checked: frozenset[str]) -> None:
@@ -104,15 +105,15 @@ def refuse_gaps(required: frozenset[str], checked: frozenset[str]) -> None:
 
 
 def ends_of(scene: Scene) -> frozenset[str]:
-    """Return what a scene asks of the ends of a motion, by name."""
+    """Return a scene's requirements on the ends of a motion, by name."""
     ends = {"start": scene.start, "goal": scene.goal}
     given = ((end, rate) for end, at in ends.items() for rate in END_RATES if getattr(at, rate, None) is not None)
     return frozenset({*ends, *(f"{end}.{rate}" for end, rate in given)})
 
 
 def required_of(scene: Scene, robot: Robot) -> frozenset[str]:
-    """Return what a scene asks of a motion of its robot, by name, beside its ends (`ends_of`). Raises UncheckedError
-    for what no certificate can cover, as this module has never heard of it."""
+    """Return a scene's requirements on a motion of its robot, by name, besides its ends (`ends_of`). Raises
+    UncheckedError for a requirement that this module does not know."""
     if unknown := sorted(_unknown(scene, "")):
         raise UncheckedError(f"no certificate: the certificate does not know {', '.join(unknown)}")
     return frozenset(_required(scene, robot))
@@ -176,7 +177,7 @@ def _known(kind: type[Any]) -> tuple[frozenset[str] | None, tuple[str, ...]]:
     if not is_dataclass(kind) or issubclass(kind, Solid):
         return frozenset(), ()
     names, listed = tuple(each.name for each in fields(kind)), FIELDS.get(kind)
-    return None if listed is None else frozenset(names if listed == ANY else listed.split()), names
+    return None if listed is None else frozenset(names if listed == ANY_FIELD else listed.split()), names
 
 
 def compared(scene: Scene, robot: Robot, bodies: Bodies, pairs: Pairs, floor: Array, own: int) -> frozenset[str]:

@@ -1,4 +1,4 @@
-"""Infeasibility proofs: that no motion leads from the start to the goal, whatever the joints do.
+"""Infeasibility proofs: that no motion of the joints leads from the start to the goal.
 
 A ball inside a link (`inscribed_balls`) may never meet what stands. If obstacles, and the end of its reach, shut it off
 (`barriers`, `seals`) from every place where a goal has it, no motion leads to that goal. The rest of the link, what the
@@ -18,9 +18,10 @@ import numpy as np
 
 from hdplan.planner.certificate.barriers import Reach, off_ends, points_of
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.inscribed_balls import InscribedBall, inscribed_balls
+from hdplan.planner.certificate.inscribed_balls import InscribedBall, inscribed_ball, inscribed_balls
 from hdplan.planner.certificate.intervals import Body
 from hdplan.planner.certificate.seals import Barrier
+from hdplan.planner.certificate.solids import link_bodies
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import naming
@@ -31,10 +32,10 @@ from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
 MOST_POINTS = 12_000  # of a barrier: it takes half a second then
 END_RADII = (20.0, 40.0, 80.0)  # radii from an end up to which there are points, if they are not too many
-OFF = 1e-4  # [m] by which a ball may be off where a configuration is reached up to rounding
+BALL_ERROR = 1e-4  # [m] by which a ball may be off where a configuration is reached up to rounding
 BETWEEN_POINTS = 1.1  # radii from the nearest point within which a ball may touch what is between points
-PLACES_BETWEEN = 4  # places of a ball looked at between two waypoints
-NAMED = 3  # obstacles in words
+PLACES_BETWEEN = 4  # places of a ball examined between two waypoints
+NAMED_OBSTACLES = 3  # obstacles in words
 
 Target = JointTarget | PoseTarget | AllOf
 
@@ -59,15 +60,19 @@ class Shut(NamedTuple):
 
 def looks(
     certifier: Certifier, required: float, tried: Mapping[str, Sequence[Array]], suspects: Collection[str] = ()
-) -> Iterator[tuple[Shut, ...]]:
+) -> Iterator[tuple[Shut, ...] | None]:
     """Look at one ball after another; yield each time what shuts off the goals if no motion of the scene that keeps
-    `required` [m] exists, and that is proven by then, or nothing.
+    `required` [m] exists, and that is proven by then, or nothing. A look may take a second: None between its parts lets
+    it be ended.
 
     tried: motions (N, n) to a goal, by its field, which were not certified. A ball that one of them certainly brings to
-    the goal is skipped. suspects: links whose balls are looked at first.
+    the goal is skipped. suspects: links whose balls are examined first.
     """
     goal = certifier.scene.goal
     open_, found = list(goal.targets if isinstance(goal, Goals) else (goal,)), list[Shut]()
+    for body in link_bodies(certifier.robot):
+        inscribed_ball(body.piece)  # made once: all are at hand below
+        yield None
     balls = inscribed_balls(certifier.robot)
     for ball in sorted(balls, key=lambda ball: certifier.sweep.bodies.names[ball.body] not in suspects):
         start = _centers(certifier, ball, _start(certifier)[None])[0]
@@ -78,6 +83,7 @@ def looks(
         around = np.stack([start, *(region.center for _, region in ends)])
         if (cage := Cage.of(certifier, ball, required, around)) is not None:
             for target, region in ends:
+                yield None
                 ways = (_centers(certifier, ball, _between(rows)) for rows in tried.get(target.field, ()))
                 if any(cage.clear(way) for way in ways):
                     continue
@@ -141,14 +147,18 @@ class Cage(ReadOnly):
         )
 
     def shut(self, seal: Rows, field: str) -> Shut:
-        """Say what shuts the ball off from a goal."""
+        """Return the obstacles that shut the ball off from a goal, in words."""
         counts = np.bincount(self.owner[seal], minlength=len(self.names))
         rows = [row for row in np.argsort(-counts, kind="stable").tolist() if counts[row]]
         names = list(dict.fromkeys(self.names[row] for row in rows))
-        by = ", ".join(names[:NAMED]) + f" and {len(names) - NAMED} more" * (len(names) > NAMED)
+        by = ", ".join(names[:NAMED_OBSTACLES]) + f" and {len(names) - NAMED_OBSTACLES} more" * (
+            len(names) > NAMED_OBSTACLES
+        )
         across = f"a ball {2e3 * self.ball.radius:.3g} mm across inside {self.link}"
         kept = ", with the clearance that it must keep," * bool(self.keeps[rows].any())
-        return Shut(f"{across}{kept} cannot get from start to {field}, shut off by {by}", tuple(names[:NAMED]))
+        return Shut(
+            f"{across}{kept} cannot get from start to {field}, shut off by {by}", tuple(names[:NAMED_OBSTACLES])
+        )
 
 
 def _stands(body: Body) -> bool:
@@ -186,7 +196,7 @@ def _region(certifier: Certifier, ball: InscribedBall, target: Target) -> Region
         case JointTarget():
             with naming(certifier.scene.source):
                 q = certifier.robot.configuration(target, certifier.scene.from_request)
-            return Region(_centers(certifier, ball, q[None])[0], OFF)
+            return Region(_centers(certifier, ball, q[None])[0], BALL_ERROR)
         case PoseTarget() | AllOf():
             found = (_posed(certifier, ball, pose) for pose in target.poses)
             return next((region for region in found if region is not None), None)
@@ -203,4 +213,4 @@ def _posed(certifier: Certifier, ball: InscribedBall, target: PoseTarget) -> Reg
     middle, turns = kept * beside, float(np.linalg.norm((1.0 - kept) * beside))
     pose = target.pose.matrix
     tilts = chord(min(target.orientation_tolerance, np.pi)) * float(np.linalg.norm(beside)) if free != "all" else 0.0
-    return Region(pose[:3, :3] @ middle + pose[:3, 3], turns + tilts + target.position_tolerance + OFF)
+    return Region(pose[:3, :3] @ middle + pose[:3, 3], turns + tilts + target.position_tolerance + BALL_ERROR)

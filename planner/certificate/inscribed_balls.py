@@ -1,4 +1,4 @@
-"""Balls inside the links: what no obstacle may enter, whatever the link's shape.
+"""Balls inside the links, which no obstacle may enter.
 
 A ball lies inside a solid if its centre does and no triangle of the solid's surface is closer than its radius. The
 centre is a proposal, the deepest point of a grid, moved on to where it is deeper; the radius is a proven lower bound.
@@ -24,8 +24,8 @@ from hdplan.scenes.shapes import Sphere
 
 FINENESS = 16  # edges of the surface's triangles after division, over the size of the mesh
 GRID = 9  # points a side, in the bounding box
-STEPS = 16  # moves to deeper points, each SHORTER than the last
-SHORTER = 0.75
+STEPS = 16  # moves to deeper points, each shorter by STEP_FACTOR than the last
+STEP_FACTOR = 0.75
 GRID_POINTS = 150  # points of the grid of which one must be inside
 SMALLEST_RADIUS = 1e-3  # [m] smaller balls are of no use
 ROUNDING = 1e-9  # [m]
@@ -89,7 +89,7 @@ def _inside(solid: Solid) -> tuple[Array, float] | None:
     step, around = size / GRID, np.stack(np.meshgrid(*3 * [[0.0, -1.0, 1.0]], indexing="ij"), axis=-1).reshape(-1, 3)
     for _ in range(STEPS):
         tried = center + step * around
-        center, step = tried[int(tree.query(tried)[0].argmax())], SHORTER * step
+        center, step = tried[int(tree.query(tried)[0].argmax())], STEP_FACTOR * step
     if not solid.holds(center):
         return None
     place = np.eye(4)

@@ -74,7 +74,7 @@ class LimitCheck(Protocol):
         ...
 
     def overload(self, q: Array) -> str | None:
-        """Say which limit the robot exceeds even at rest at q (n,); None if it exceeds none."""
+        """Return, in words, which limit the robot exceeds even at rest at q (n,); None if it exceeds none."""
         ...
 
 

@@ -46,7 +46,7 @@ class PartsOnIntervals:
         self.rows = nodes.row(items.node, self.a), nodes.row(items.node, self.b)
 
     def bound(self, i: int, within: float, enough: float) -> Found:
-        """Return what the parts of one item say, as `part_distance` does."""
+        """Return the result for the parts of one item, as in `part_distance`."""
         pair, normals, own = int(self.items.pair[i]), self.items.normal[i, None], self.bounds
         found = part_distance(
             self._placed(int(self.a[i]), int(self.rows[0][i]), self.motion_a, i),

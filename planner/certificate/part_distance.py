@@ -43,7 +43,7 @@ class Placed:
         return cls(piece, pose[:3, :3], pose[:3, 3])
 
     def along(self, directions: Array) -> Side:
-        """Return what is needed of the piece along directions n (k, 3)."""
+        """Return the supports of the piece along directions n (k, 3)."""
         turned, centers = self._turned
         ways, offsets = (directions @ turned).reshape(-1, 3, 3), directions @ centers
         if self.piece.parts is None:

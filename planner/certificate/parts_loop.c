@@ -1,4 +1,4 @@
-/* The walk down two trees of parts with the directions known, as `parts_loop.py` has it: pairs of nodes that the
+/* The walk down two trees of parts with the directions known, as in `parts_loop.py`: pairs of nodes that the
    directions settle, and pairs of single parts that they do not. */
 
 #include "../../distance/compiled/border.h"
@@ -26,12 +26,12 @@ typedef struct {
   double least, proven, known, within, enough, first, second;
 } state;
 
-/* A pair of nodes, and what directions say of it. */
+/* A pair of nodes, and what the directions give for it. */
 typedef struct {
   double distance, bound;
 } gap;
 
-/* Pairs of nodes yet to be looked at: `height` of them, `room` at most; and the direction that settled a pair last. */
+/* Pairs of nodes still open: `height` of them, `room` at most; and the direction that settled a pair last. */
 typedef struct {
   long long *pairs, room, height, newest;
 } walk_stack;
@@ -59,10 +59,10 @@ static int settles(const state* is, gap found) {
          (found.bound >= is->enough || !(is->proven >= is->enough));
 }
 
-/* Ask the directions one after the other, the newest first, until they settle a pair. Returns whether they do, the
+/* Try the directions one after the other, the newest first, until they settle a pair. Returns whether they do, the
    best distance and bound, and the direction of the best distance. */
-static int ask(const side* a, const side* b, const state* is, long long i, long long j, long long* newest, gap* found,
-               long long* way) {
+static int try_directions(const side* a, const side* b, const state* is, long long i, long long j, long long* newest,
+                          gap* found, long long* way) {
   *found = (gap){-INFINITY, -INFINITY};
   *way = 0;
   for (long long tried = -1; tried < a->directions; ++tried) {
@@ -120,7 +120,7 @@ static long long walk(const side* a, const side* b, state* is, walk_stack* stack
     const long long i = stack->pairs[2 * stack->height], j = stack->pairs[2 * stack->height + 1];
     gap found;
     long long way;
-    if (ask(a, b, is, i, j, &stack->newest, &found, &way)) {
+if (try_directions(a, b, is, i, j, &stack->newest, &found, &way)) {
       is->least = found.distance < is->least ? found.distance : is->least;
       is->proven = found.bound < is->proven ? found.bound : is->proven;
     } else if (is_part(a, i) && is_part(b, j)) {

@@ -11,7 +11,7 @@ from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.certificate.parts import GROUP_SIZE, Parts
 from hdplan.scenes.array_types import Array, Rows
 
-KEPT_DIRECTIONS = 64  # directions kept when more are found: the walk goes on near where they were found
+KEPT_DIRECTIONS = 64  # directions kept when more are found: the walk continues near where they were found
 
 
 @dataclass
@@ -67,7 +67,7 @@ class Walk:
         self.stack[0], self.height, self.newest = (a.root, b.root), 1, 0
 
     def ask(self, a: Side, b: Side, pairs: Rows) -> tuple[Array, Array]:
-        """Take more directions in the place of the oldest, and return the best distances and bounds (i,) of pairs of
+        """Take more directions in place of the oldest, and return the best distances and bounds (i,) of pairs of
         nodes (i, 2)."""
         self.newest = max(self.newest - max(len(self.a.ways) - KEPT_DIRECTIONS, 0), 0)
         self.a, self.b = self.a.more(a), self.b.more(b)
@@ -112,7 +112,7 @@ class Walk:
             else:
                 one, other = self._children(i, j)
                 far = self.bounds(one, other)[0][distances.argmax()]
-                order = np.argsort(-far, kind="stable")  # the closest is looked at first
+                order = np.argsort(-far, kind="stable")  # the closest is examined first
                 self.stack[self.height : self.height + len(one)] = np.stack([one, other], axis=1)[order]
                 self.height += len(one)
         return left

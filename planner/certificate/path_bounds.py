@@ -126,11 +126,11 @@ class Valued(Protocol):
 
 
 class Held(Stated, Valued, Protocol):
-    """A constraint that says the same at every instant."""
+    """A constraint that is the same at every instant."""
 
 
 class HeldAlong(Stated, Protocol):
-    """A constraint that says something else at every instant of one motion."""
+    """A constraint that changes with time along one motion."""
 
     @property
     def spans(self) -> tuple[Index, Array, Array]:
@@ -138,7 +138,7 @@ class HeldAlong(Stated, Protocol):
         ...
 
     def on(self, interval: Index, start: Array, width: Array) -> Valued:
-        """Return what it says on parts of the motion."""
+        """Return its form on parts of the motion."""
         ...
 
 

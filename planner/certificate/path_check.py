@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdplan.planner.certificate import tool_rates
-from hdplan.planner.certificate.followed_curve import NODES, Followed, NearEnd, OnCurve, PoseCurve, TurnedAlong
+from hdplan.planner.certificate.followed_curve import NODES, Followed, NearEnd, OnCurve, TurnedAlong
 from hdplan.planner.certificate.path_bounds import HeldAlong, Part, Stated, Valued, between_rows, held_by
+from hdplan.planner.certificate.pose_curve import PoseCurve
 from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.robot.setup import Setup
@@ -22,7 +23,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import InputError, naming
 
-GRANTED = 1e-9  # [rad] or [m] beyond the tolerance that is accepted, for rounding errors
+TOLERANCE_EXCESS = 1e-9  # [rad] or [m] beyond the tolerance that is accepted, for rounding errors
 ROUNDING = 1e-9  # [rad] or [m] added to every bound
 SLACK = 0.02  # share of the tolerance by which the proven worst value may exceed the worst one found
 SHORTEST_INTERVAL = 2.0**-17  # of an interval: below it, the answer is "not proven"
@@ -43,13 +44,13 @@ class Departure:
 
     @property
     def excess(self) -> float:
-        """By how much it exceeds what is allowed [rad] or [m]; negative where it only could not be proven."""
+        """The excess over the tolerance [rad] or [m]; negative where it only could not be proven."""
         return self.found - self.allowed
 
     @property
     def violated(self) -> bool:
         """True if the constraint is violated there; otherwise it only could not be proven."""
-        return self.found > self.allowed + GRANTED
+        return self.found > self.allowed + TOLERANCE_EXCESS
 
 
 @dataclass(frozen=True)
@@ -135,13 +136,13 @@ class PathCheck:
         on: Callable[[Index, Array, Array], Valued],
         curve: Curve,
     ) -> tuple[Kept, list[Departure], int]:
-        """Prove one constraint, beginning with these parts of the motion; `on` is what it says on parts."""
+        """Prove one constraint, beginning with these parts of the motion; `on` is its form on parts."""
         intervals, configurations = len(curve) - 1, 0
         interval, start, width = spans
         travel = _travel(*curve.part(interval, start, width))
         failed, broken = np.zeros(intervals, dtype=bool), np.zeros(intervals, dtype=bool)
         worst, place = np.full(intervals, -np.inf), np.zeros(intervals)  # found on each interval, and where
-        proven, slack = -np.inf, max(SLACK * held.scale, GRANTED)
+        proven, slack = -np.inf, max(SLACK * held.scale, TOLERANCE_EXCESS)
         while len(interval):
             middle, delta, off = curve.part(interval, start, width)
             frames = self.chain.frames(self.robot.pin_q(middle))
@@ -153,8 +154,8 @@ class PathCheck:
             for i in np.flatnonzero(found > worst[interval]).tolist():
                 if found[i] > worst[interval[i]]:
                     worst[interval[i]], place[interval[i]] = found[i], start[i] + 0.5 * width[i]
-            broken |= worst > held.allowed + GRANTED
-            settled = (bound <= held.allowed + GRANTED) | broken[interval]
+            broken |= worst > held.allowed + TOLERANCE_EXCESS
+            settled = (bound <= held.allowed + TOLERANCE_EXCESS) | broken[interval]
             closed = settled & (bound <= worst.max() + slack)
             closed |= (width <= SHORTEST_INTERVAL) | (seconds_left() == 0.0)
             failed[interval[closed & ~settled]] = True

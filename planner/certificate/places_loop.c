@@ -1,4 +1,4 @@
-/* Places on a curve of poses, one after the other: `PoseCurve.places`, to rounding the same. */
+/* Places on a curve of poses, one after the other: `PoseCurve.places`, equal to NumPy's but for rounding. */
 
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"
@@ -11,7 +11,7 @@ typedef struct {
   double far, angle, parallel;
 } pose_curve;
 
-/* How places are looked for: how far ahead beyond the link's own way, and by how much one may be farther away. */
+/* Settings of the search for places: how far ahead beyond the link's own way, and by how much one may be farther away. */
 typedef struct {
   double look_ahead, catch_up, sooner;
 } search;
@@ -127,7 +127,7 @@ WRAPPER(call_places) {
 }
 
 PyMethodDef places_functions[] = {
-    FUNCTION("pose_curve", make_pose_curve, "A curve of poses, as `PoseCurve` has it."),
+    FUNCTION("pose_curve", make_pose_curve, "A curve of poses, as in `PoseCurve`."),
     FUNCTION("places", call_places, "What `PoseCurve.places` returns, but for the last one."),
     END_OF_FUNCTIONS,
 };

@@ -1,4 +1,4 @@
-"""Places on a curve of poses in a loop of C: those of `PoseCurve.places`, to rounding the same."""
+"""Places on a curve of poses in a loop of C: those of `PoseCurve.places`, equal but for rounding."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hdplan.distance.compiled.loops import Record
 from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
-    from hdplan.planner.certificate.followed_curve import PoseCurve
+    from hdplan.planner.certificate.pose_curve import PoseCurve
 
 
 def pose_curve(curve: PoseCurve, parallel: float) -> Record:

@@ -81,7 +81,7 @@ def _angle(sine: Array, cosine: Array) -> Array:
 
 
 def pose_words(target: PoseTarget) -> str:
-    """Describe the pose that the target asks of its link."""
+    """Describe the pose that the target requires of its link."""
     x, y, z = target.pose.position
     if target.free_rotation == "all":
         turn = "in any orientation"

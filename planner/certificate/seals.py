@@ -12,7 +12,7 @@ one to the other (Z. McCarthy, T. Bretl, S. Hutchinson, "Proving path non-existe
 with q_ij = Q_ij / (r_i r_j), if all q_ij ≥ −1 and 1 + q_12 + q_13 + q_23 + √(2 (1 + q_12)(1 + q_13)(1 + q_23)) ≥ 0 (K.
 P. Hadeler, "On copositive matrices", 1983).
 
-*Where Z is looked for.* In the regular triangulation of the points with weights r_i², of which triangles that are not
+*Where Z is sought.* In the regular triangulation of the points with weights r_i², of which triangles that are not
 shut are the openings (H. Edelsbrunner, "Weighted alpha shapes", 1992): Z is the boundary of all tetrahedra to which
 openings lead from a point. Nothing is taken on trust of it: that Z is closed, that its triangles are shut, and its
 winding numbers are computed from its triangles alone.

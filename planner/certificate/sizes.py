@@ -34,7 +34,7 @@ from hdplan.scenes.sizes import Calibration, Uncertainty, chord
 if TYPE_CHECKING:
     from hdplan.planner.certificate.intervals import Body, Index, Intervals, Pairs
 
-UPWARD = 1.0 + 1e-12  # what is unknown is rounded up
+ROUND_UP = 1.0 + 1e-12  # what is unknown is rounded up
 FIELDS = (  # of a scene, in the order of what they cost
     *(f"obstacles[].uncertainty.{name}" for name in ("position", "orientation", "speed")),
     *(f"robot.calibration.{name}" for name in ("position", "orientation")),
@@ -70,15 +70,15 @@ class Sizes(ReadOnly):
             if (obstacle := given.get(body.name)) is not None and (sizes := obstacle.uncertainty) is not None:
                 position[g], turn[g], speed[g] = sizes.position, chord(sizes.orientation), sizes.speed
                 levers[g], origin[g] = lever(body, obstacle), obstacle.pose.position
-        about = UPWARD * base.position, UPWARD * chord(base.orientation)
+        about = ROUND_UP * base.position, ROUND_UP * chord(base.orientation)
         stand = np.array(setup.robot.base.position)
         framed = np.array([body.obstacle_motion is not None for body in bodies], dtype=bool)
-        return cls(position, UPWARD * turn, speed, UPWARD * levers, origin, framed, UPWARD * joints, about, stand)
+        return cls(position, ROUND_UP * turn, speed, ROUND_UP * levers, origin, framed, ROUND_UP * joints, about, stand)
 
     def elsewhere(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
         """Return how much closer pairs (i,) of bodies may be on intervals (i,) because the obstacle, or the robot's
         base, is not at its nominal pose (i,) [m]."""
-        return np.asarray(UPWARD * self._shares(nodes, pairs, node, pair).sum(axis=0))
+        return np.asarray(ROUND_UP * self._shares(nodes, pairs, node, pair).sum(axis=0))
 
     def at_middle(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
         """Return how much closer pairs (i,) may be at the midpoints of intervals (i,) [m], what the joints may be off
@@ -86,10 +86,10 @@ class Sizes(ReadOnly):
         there = nodes.instants
         one, other = (there.reach[there.row(node, body[pair])] for body in (pairs.a, pairs.b))
         moves = one * pairs.moves_a[pair] + other * pairs.moves_b[pair]
-        return np.concatenate([self._shares(there, pairs, node, pair), [UPWARD * (moves @ self.joints)]])
+        return np.concatenate([self._shares(there, pairs, node, pair), [ROUND_UP * (moves @ self.joints)]])
 
     def _shares(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
-        """Return what `elsewhere` sums up (5, i) [m]."""
+        """Return the summands of `elsewhere` (5, i) [m]."""
         a, b = pairs.a[pair], pairs.b[pair]
         one, other = nodes.row(node, a), nodes.row(node, b)
         moved = nodes.moved[one] + nodes.moved[other]
@@ -105,14 +105,14 @@ class Sizes(ReadOnly):
 
     def most(self, nodes: Intervals, pairs: Pairs) -> Array:
         """Return a bound (P,) [m] on `elsewhere` for all pairs over all of these intervals."""
-        found = (self.position + UPWARD * self.turn * self.lever + self.speed * float(nodes.latest.max()))[pairs.b]
+        found = (self.position + ROUND_UP * self.turn * self.lever + self.speed * float(nodes.latest.max()))[pairs.b]
         if any(self.base):
             links, first = np.unique(pairs.a, return_inverse=True)
             rows = nodes.row(np.arange(len(nodes.interval))[:, None], links)  # (k, links)
             away = (np.linalg.norm(nodes.center[rows] - self.stand, axis=2) + nodes.moved[rows]).max(axis=0)
-            base = self.base[0] + UPWARD * self.base[1] * (away + nodes.bodies.radius[links])
+            base = self.base[0] + ROUND_UP * self.base[1] * (away + nodes.bodies.radius[links])
             found = found + np.where(pairs.group == 0, base[first], 0.0)
-        return np.asarray(UPWARD * found)
+        return np.asarray(ROUND_UP * found)
 
 
 def _away(nodes: Intervals, body: Index, row: Index, origin: Array) -> Array:

@@ -49,7 +49,7 @@ def obstacle_bodies(obstacle: Obstacle) -> list[Body]:
 
 
 def _motion_of(obstacle: Obstacle) -> ObstacleMotion | None:
-    """Return how an obstacle moves; None if it is static."""
+    """Return the motion of an obstacle; None if it is static."""
     if obstacle.motion is None:
         return None
     from hdplan.scenes.obstacle_motion import ObstacleMotion

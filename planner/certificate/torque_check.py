@@ -79,7 +79,7 @@ class TorquesFound:
         return int(shares.argmax())
 
     def finding(self, curve: Curve) -> LimitFinding:
-        """Return how much of the limits the checked curve uses, and what is wrong."""
+        """Return the share of the limits that the checked curve uses, and its violations."""
         joint, last = self.worst, len(curve) - 2
         interval = min(int(curve.parameter_of(self.times[joint]) * (last + 1)), last)
         share = float(self.proven[joint] / self.limits[joint])
@@ -138,7 +138,7 @@ class TorqueCheck:
         return np.array([pin.rnea(self.model, data, *row) for row in zip(self.robot.pin_q(q), v, a, strict=True)])
 
     def overload(self, q: Array) -> str | None:
-        """Say which joint gravity overloads most at q (n,); None if it overloads none."""
+        """Return, in words, which joint gravity overloads most at q (n,); None if it overloads none."""
         limits = self.limits["torque"]
         torques = np.abs(pin.computeGeneralizedGravity(self.model, self.model.createData(), self.robot.pin_q(q)))
         joint = int((torques / limits).argmax())

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Status(Enum):
-    """The verdict; `remedy` says what to do about it."""
+    """The verdict; `remedy` is advice."""
 
     CERTIFIED = "certified"
     WRONG_ENDS = "wrong_ends"
@@ -117,9 +117,9 @@ class Certificate:
     def proof(self) -> ProofFile:
         """The certificate of a planned motion as a file that others check (`hdplan.verify`); made on first use.
 
-        It is about two files: the scene's, or what `result.requested.save` writes if there is none of this content; and
-        what `result.save` writes as JSON. Raises InputError for what a proof cannot hold, and for a certificate of
-        another motion (`hdplan.prove`); NotProvenError where there is none.
+        The proof refers to two files: the scene's, or one as `result.requested.save` writes if no file has this
+        content; and the motion's, as `result.save` writes in JSON. Raises InputError for contents that a proof cannot
+        hold, and for a certificate of another motion (`hdplan.prove`); NotProvenError where there is none.
         """
         if self.prover is None:
             raise InputError(
@@ -209,7 +209,8 @@ def proven(
     path: Sequence[Kept],
     sized: bool = False,
 ) -> str:
-    """Say what is proven about a certified motion; clearances [m]. `sized`: in all worlds within the scene's sizes."""
+    """Return, in words, what is proven about a certified motion; clearances [m]. `sized`: in all worlds within the
+    scene's sizes."""
     obstacles = (
         "no obstacles to avoid" if clearance is None else f"at least {proven_length(clearance)} to every obstacle"
     )

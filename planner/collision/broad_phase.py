@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.collision import close_pairs
-from hdplan.planner.collision.halfspace_bodies import FEW, HalfspaceBody
+from hdplan.planner.collision.halfspace_bodies import BOX_PLANES, HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pieces import Pieces
 from hdplan.planner.kinematics.forward import KinematicsBatch
@@ -199,7 +199,7 @@ def _placed(kinematics: KinematicsBatch, joint: Rows, points: Array) -> Array:
 
 
 def _spread(rows: Rows, values: Rows, count: int) -> Rows:
-    """Return what `values` say of rows, for `count` rows; 0 where they say nothing."""
+    """Return `values` of rows, for `count` rows; 0 for rows without a value."""
     result = np.zeros(count, dtype=np.int64)
     result[rows] = values
     return result
@@ -243,7 +243,7 @@ def body_pairs(
         plane_tables=tables,
         centres=np.array([body.ball[0] for body in bodies]),
         radii=np.array([body.ball[1] for body in bodies]),
-        widest=WIDEST if plane_slots.min() >= FEW else WIDEST_OF_FACES,
+        widest=WIDEST if plane_slots.min() >= BOX_PLANES else WIDEST_OF_FACES,
         boxes=pieces.boxes,
         half_sizes=pieces.half_sizes + margins[:, None],
         margins=margins,

@@ -1,6 +1,6 @@
 /* The loops of the broad phase: which balls reach which boxes, and which of them no plane separates.
 
-   Samples that follow one another lie close together in a motion, so each pair is first asked with balls around GROUP
+   Samples that follow one another lie close together in a motion, so each pair is tested first with balls around GROUP
    of them, and before that with a ball around all. */
 
 #include "close_pairs.h"
@@ -138,7 +138,7 @@ INLINE int separates(const double* a, const double* b, const link_body* body, co
 
 /* --- the search ------------------------------------------------------------------------------------------------- */
 
-/* What is asked, and paths of the bodies' and of the moving boxes' centres (…, batch, 3) with the balls around them. */
+/* A query, and paths of the bodies' and of the moving boxes' centres (…, batch, 3) with the balls around them. */
 typedef struct {
   const tables* of;
   long long batch, joints, groups;
@@ -147,16 +147,16 @@ typedef struct {
   const double *centres, *origins, *around, *beside;
 } search;
 
-INLINE int is_moving(const search* asked, long long pair) { return asked->of->joint_b[pair] > 0; }
+INLINE int is_moving(const search* query, long long pair) { return query->of->joint_b[pair] > 0; }
 
 /* Whether balls around a group of samples come close: a body's, and a box's or a standing box. −1: all samples. */
-INLINE int group_reaches(const search* asked, long long pair, long long group) {
-  const tables* of = asked->of;
+INLINE int group_reaches(const search* query, long long pair, long long group) {
+  const tables* of = query->of;
   const long long body = of->body[pair], box = of->box[pair];
-  const double* ball = asked->around + 4 * ((asked->groups + 1) * body + group + 1);
-  double apart[3], most = asked->reach[body] + ball[3];
-  if (is_moving(asked, pair)) {
-    const double* other = asked->beside + 4 * ((asked->groups + 1) * box + group + 1);
+  const double* ball = query->around + 4 * ((query->groups + 1) * body + group + 1);
+  double apart[3], most = query->reach[body] + ball[3];
+  if (is_moving(query, pair)) {
+    const double* other = query->beside + 4 * ((query->groups + 1) * box + group + 1);
     most += of->balls[box] + other[3];
     difference(ball, other, apart);
     return dot(apart, apart) < most * most;
@@ -167,47 +167,47 @@ INLINE int group_reaches(const search* asked, long long pair, long long group) {
 }
 
 /* Whether a body's ball reaches the box at a sample. */
-INLINE int reaches(const search* asked, long long pair, long long sample) {
-  const tables* of = asked->of;
+INLINE int reaches(const search* query, long long pair, long long sample) {
+  const tables* of = query->of;
   const long long body = of->body[pair], box = of->box[pair];
-  const double *centre = asked->centres + 3 * (asked->batch * body + sample), reach = asked->reach[body];
+  const double *centre = query->centres + 3 * (query->batch * body + sample), reach = query->reach[body];
   const double *at = of->at + 16 * box, origin[3] = {at[3], at[7], at[11]};
   double apart[3], local[3];
-  if (!is_moving(asked, pair)) {
+  if (!is_moving(query, pair)) {
     difference(centre, origin, local);
   } else {
     const double near = reach + of->balls[box];
-    difference(centre, asked->origins + 3 * (asked->batch * box + sample), apart);
+    difference(centre, query->origins + 3 * (query->batch * box + sample), apart);
     if (!(dot(apart, apart) < near * near)) return 0;
-    turned_back(asked->placements + 12 * (sample * asked->joints + of->joint_b[pair]), apart, local);
+    turned_back(query->placements + 12 * (sample * query->joints + of->joint_b[pair]), apart, local);
   }
   return beyond(local, at, of->half + 3 * box) < reach * reach;
 }
 
 /* Whether no plane separates a pair at a sample; the plane that did so last is tried first. */
-INLINE int none_separates(const search* asked, long long pair, long long sample, const link_body* body,
+INLINE int none_separates(const search* query, long long pair, long long sample, const link_body* body,
                           const halfspaces* planes, long long* last, double* apart, projection* found) {
-  const double* frames = asked->placements + 12 * sample * asked->joints;
-  const double *a = frames + 12 * asked->of->joint_a[pair], *b = frames + 12 * asked->of->joint_b[pair];
-  if (separates(a, b, body, planes, *last, asked->least)) return 0;
+  const double* frames = query->placements + 12 * sample * query->joints;
+  const double *a = frames + 12 * query->of->joint_a[pair], *b = frames + 12 * query->of->joint_b[pair];
+  if (separates(a, b, body, planes, *last, query->least)) return 0;
   *apart = project(a, b, body, planes, found);
-  if (!(*apart > asked->least)) return 1;
+  if (!(*apart > query->least)) return 1;
   for (*last = 0; found->least[*last] < *apart;) ++*last;
   return 0;
 }
 
 CLONES
-static void visit_pair(const search* asked, long long pair, projection* found, action* act, void* given) {
-  if (!group_reaches(asked, pair, -1)) return;
-  const link_body body = body_of(asked->of, pair);
-  const halfspaces planes = planes_of(asked->of, pair);
+static void visit_pair(const search* query, long long pair, projection* found, action* act, void* given) {
+  if (!group_reaches(query, pair, -1)) return;
+  const link_body body = body_of(query->of, pair);
+  const halfspaces planes = planes_of(query->of, pair);
   long long last = 0;
-  for (long long group = 0; group < asked->groups; ++group) {
-    if (!group_reaches(asked, pair, group)) continue;
-    for (long long sample = group * GROUP; sample < asked->batch && sample < (group + 1) * GROUP; ++sample) {
+  for (long long group = 0; group < query->groups; ++group) {
+    if (!group_reaches(query, pair, group)) continue;
+    for (long long sample = group * GROUP; sample < query->batch && sample < (group + 1) * GROUP; ++sample) {
       double apart = 0.0;
-      if (!reaches(asked, pair, sample)) continue;
-      if (asked->placements && !none_separates(asked, pair, sample, &body, &planes, &last, &apart, found)) continue;
+      if (!reaches(query, pair, sample)) continue;
+      if (query->placements && !none_separates(query, pair, sample, &body, &planes, &last, &apart, found)) continue;
       act(given, sample, pair, apart, found);
     }
   }
@@ -227,11 +227,11 @@ int visit(const tables* of, long long batch, long long joints, const double* pla
     double* beside = around + 4 * (groups + 1) * bodies;
     if (!centres) place_points(batch, joints, placements, bodies, of->body_joint, of->centres, placed_points);
     place_points(batch, joints, placements, boxes, of->box_joint, of->middles, origins);
-    const search asked = {of,    batch, joints, groups, centres ? NULL : placements, reach, least,
+    const search query = {of,    batch, joints, groups, centres ? NULL : placements, reach, least,
                           centres ? centres : placed_points, origins, around, beside};
-    balls_around(bodies, batch, asked.centres, around);
+    balls_around(bodies, batch, query.centres, around);
     balls_around(boxes, batch, origins, beside);
-    for (long long r = 0; r < pairs; ++r) visit_pair(&asked, of->order[r], &found, act, given);
+    for (long long r = 0; r < pairs; ++r) visit_pair(&query, of->order[r], &found, act, given);
   }
   free(found.points);
   free(placed_points);

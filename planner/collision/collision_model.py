@@ -1,4 +1,5 @@
-"""The collision model of a robot, independent of the scene: kinematics, outer bodies, and which of them to keep apart.
+"""The collision model of a robot, independent of the scene: kinematics, outer bodies, and the pairs of them to keep
+apart.
 
 Robot -> `CollisionModel`, made once per robot in a process and reused by the next plan with the same robot.
 """
@@ -30,7 +31,7 @@ SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penal
 # share of TRIALS in which two links' outer bodies may overlap before they are left to the certificate
 OVERLAP_SHARE = 0.5
 
-NONE = read_only(np.empty((0, 3)))
+NO_POINTS = read_only(np.empty((0, 3)))
 
 BodyPair = tuple[int, int]  # rows of CollisionModel.bodies: the one that gives vertices, the one that gives planes
 LinkPair = tuple[str, str]
@@ -68,16 +69,16 @@ def _parts(robot: Robot, bodies: tuple[LinkBody, ...], geometry: str) -> tuple[L
     found: list[LinkBody] = []
     for link, own in itertools.groupby(bodies, lambda body: body.link):
         group = list(own)
-        parts = link_parts(robot, link, geometry) or (NONE,) * len(group)
+        parts = link_parts(robot, link, geometry) or (NO_POINTS,) * len(group)
         for body, part in zip(group, parts, strict=True):
-            hull = ConvexBody(part, NONE, NONE, np.empty(0)) if len(part) else body.body
+            hull = ConvexBody(part, NO_POINTS, NO_POINTS, np.empty(0)) if len(part) else body.body
             found.append(LinkBody(link, body.joint, hull))
     return tuple(found)
 
 
 def _enclosed(body: LinkBody, part: LinkBody, planes: str) -> HalfspaceBody:
     """By planes what a body encloses of its link."""
-    corners = NONE if part.body is body.body else part.body.vertices
+    corners = NO_POINTS if part.body is body.body else part.body.vertices
     return from_link_part(body.link, body.joint, body.body, corners, planes)
 
 
@@ -135,9 +136,9 @@ def _often_overlapping(
 
     rows, names = [(i, j) for i, j, _, _ in pairs], [(a, b) for _, _, a, b in pairs]
     key = content_key(VERSION, *content_of(robot, bodies, rows), *(name for pair in names for name in pair))
-    known = known_result("overlaps", key)
+    known = known_result("overlaps", key, lambda value: tuple((a, b) for a, b in value))
     if known is not None:
-        return tuple((a, b) for a, b in known)
+        return known
     assembled = body_pairs(bodies, planes, rows, 0.0, kinematics.supports)
     drawn = kinematics.evaluate(robot.expand(robot.draw(np.random.default_rng(0), TRIALS)))
     sample, pair = assembled.close(drawn)

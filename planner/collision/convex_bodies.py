@@ -1,8 +1,9 @@
-"""Outer bodies with their faces and edges, kept on disk: to load what computes hulls takes longer than to plan."""
+"""Outer bodies with their faces and edges, kept on disk: loading the library for hulls takes longer than a plan."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -21,16 +22,19 @@ def convex_bodies(around: Sequence[Swept]) -> tuple[ConvexBody, ...]:
     """
     clouds = [each.vertices for each in around]
     key = content_key(VERSION, *(cloud.tobytes() for cloud in clouds))
-    known = load("convex_bodies", key)
-    if known is None:
-        found = [ConvexBody.from_points(cloud) for cloud in clouds]
-        known = [
-            [array.tolist() for array in (body.vertices, body.faces, body.edges, body.edge_counts)] for body in found
-        ]
-        store("convex_bodies", key, known)
+    known = load("convex_bodies", key, lambda value: _read(value, around))
+    if known is not None:
+        return known
+    found = [ConvexBody.from_points(cloud) for cloud in clouds]
+    lists = [[array.tolist() for array in (body.vertices, body.faces, body.edges, body.edge_counts)] for body in found]
+    store("convex_bodies", key, lists)
+    return _read(lists, around)
+
+
+def _read(lists: Sequence[Any], around: Sequence[Swept]) -> tuple[ConvexBody, ...]:
     return tuple(
         ConvexBody(_rows(vertices), _rows(faces), _rows(edges), np.array(counts, dtype=float), each.radius)
-        for each, (vertices, faces, edges, counts) in zip(around, known, strict=True)
+        for each, (vertices, faces, edges, counts) in zip(around, lists, strict=True)
     )
 
 

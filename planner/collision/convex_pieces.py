@@ -36,12 +36,12 @@ def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Ar
     if (parts := _convex_parts(mesh.vertices.tobytes(), mesh.triangles.tobytes())) is not None:
         return parts
     key = content_key(str(CONCAVITY), version("coacd"), mesh.vertices.tobytes(), mesh.triangles.tobytes())
-    known = load("convex_pieces", key)
-    if known is None:
-        known = [vertices.tolist() for vertices in _taken_apart(mesh, min(seconds, MOST_SECONDS))]
-        if known or seconds >= MOST_SECONDS > 0.0:
-            store("convex_pieces", key, known)
-    return tuple(np.array(vertices) for vertices in known) or None
+    pieces = load("convex_pieces", key, lambda value: [np.array(piece, dtype=float).reshape(-1, 3) for piece in value])
+    if pieces is None:
+        pieces = _taken_apart(mesh, min(seconds, MOST_SECONDS))
+        if pieces or seconds >= MOST_SECONDS > 0.0:
+            store("convex_pieces", key, [vertices.tolist() for vertices in pieces])
+    return tuple(pieces) or None
 
 
 @functools.lru_cache(maxsize=32)

@@ -17,8 +17,8 @@ def minimized(objective: Callable[[Array, Rows], tuple[Array, Array]], start: Ar
     """Return nearby points (B, n) at which B functions are small, by BFGS, all side by side.
 
     objective: points (B', n) and the requested functions, rows (B',) of them -> values (B',), gradients (B', n). In a
-    round each function is evaluated once; it goes on from there where it fell (Armijo), or else tries a shorter step. A
-    function that hardly falls any more is left alone.
+    round each function is evaluated once; it continues from there where it fell (Armijo), or else tries a shorter step.
+    A function that hardly falls any more is left alone.
     """
     left: Rows = np.arange(len(start))
     ends, one = start.copy(), np.eye(start.shape[1])

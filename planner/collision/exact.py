@@ -1,4 +1,4 @@
-"""The exact signed distance of what bodies enclose, for narrow places: a link's own hull, or the hull of each part of
+"""The exact signed distance of the enclosed geometry, for narrow places: a link's own hull, or the hull of each part of
 it, against the obstacle's own shape.
 
 The pairs, and the broad phase, are those of the outer bodies, which contain the parts: where outer bodies are apart,
@@ -96,17 +96,13 @@ class ExactPairs(PairDistance):
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D again, for S pairs at samples; some number above `far`
         where D is above it."""
-        return self.up_to(self.far, kinematics, sample, pair)
-
-    def up_to(self, far: float, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
-        """Return the same up to another distance [m]: the smaller, the sooner the search for it ends."""
         loops = library()
         if loops is None:
             return self._twin(kinematics, sample, pair)
         distance, wrench = np.empty(len(pair)), np.empty((len(pair), 6))
         rows = (np.ascontiguousarray(each, np.int64) for each in (sample, pair))
         given = self.record.struct, self.pairs.tables.struct, kinematics.placements, *rows
-        loops.exact_rows(*given, far, distance, wrench)
+        loops.exact_rows(*given, self.far, distance, wrench)
         return distance, wrench, distance
 
 

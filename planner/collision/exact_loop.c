@@ -1,4 +1,4 @@
-/* The exact distance of pairs at samples, as `exact.py` says. */
+/* The exact distance of pairs at samples, as in `exact.py`. */
 
 #include "exact_loop.h"
 

@@ -6,7 +6,7 @@
 #include "close_pairs.h"
 #include "gjk.h"
 
-/* The solids of the bodies and boxes that `tables` has pairs of: vertices from first[k] on, three rows of width[k]
+/* The solids of the bodies and boxes in the pairs of `tables`: vertices from first[k] on, three rows of width[k]
    numbers, and four rows of clusters[k] for the balls around their clusters, swept by a disc, an ellipsoid (none: not positive) and a ball, placed on the joint of the body or box. */
 typedef struct {
   long long bodies, boxes;
@@ -15,8 +15,8 @@ typedef struct {
 } solids;
 
 /* The signed distance of a pair at placements of the joints, less the margin: exact, or a lower bound of it that is more
-   than `far`; its wrench about the world's origin goes to `wrench`. `normal` (3) is a unit vector that says where to look
-   first, and then the normal in the second solid's frame. */
+   than `far`; its wrench about the world's origin goes to `wrench`. `normal` (3) is a unit vector: at first the direction to try
+   first, then the normal in the second solid's frame. */
 double exact(const solids* of, const tables* pairs, long long pair, const double* frames, double far, double* normal,
              double* wrench);
 

@@ -91,7 +91,7 @@ static void support(const solid* body, const double* v, double* point) {
   for (int i = 0; length > 0.0 && i < 3; ++i) point[i] += radii[i] * scaled[i] / length;
 }
 
-/* A point p of the difference a − b, and the point of a that it comes from. */
+/* A point p of the difference a − b, and its point of a. */
 typedef struct {
   double p[3], a[3];
 } corner;
@@ -283,7 +283,7 @@ static int add_face(polytope* grown, int i, int j, int k) {
   return 1;
 }
 
-/* A unit vector that is orthogonal to the first `count` corners' plane or line; any one without. */
+/* A unit vector that is orthogonal to the first `count` corners' plane or line; any unit vector without corners. */
 static void orthogonal(const polytope* grown, int count, double* n) {
   double first[3] = {1.0, 0.0, 0.0}, second[3];
   if (count > 1) difference(grown->at[1].p, grown->at[0].p, first);

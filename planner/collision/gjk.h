@@ -25,7 +25,7 @@ typedef struct {
    is the gap of the bodies along the normal: where rounding ends the search, it is too small and never too large. */
 double signed_distance(const two_solids* of, double far, double* normal, double* point);
 
-/* The same distance alone, if it is more than 0, or a lower bound of it that is more than `far`, or an upper bound that is
+/* The distance alone, if it is more than 0, or a lower bound of it that is more than `far`, or an upper bound that is
    at most `near`; some number below 0 where they overlap. */
 double gap_of(const two_solids* of, double near, double far, double* normal);
 

@@ -32,7 +32,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Box, Points, Shape
 from hdplan.scenes.voxel_grids import Map
 
-FEW, MANY = 26, 50  # planes of box-like bodies and of all others; one compiled kernel each
+BOX_PLANES, BODY_PLANES = 26, 50  # planes of box-like bodies and of all others; one compiled kernel each
 SPHERE_DIRECTIONS = 96  # additional ones for "sphere"
 
 
@@ -141,13 +141,13 @@ def from_points(name: str, points: Array, placement: Array, planes: str = "box")
 @functools.lru_cache(maxsize=256)
 def _around_points(points: bytes, planes: str) -> tuple[ConvexBody, Array, Array, Array, Array]:
     """The hull of points, given as bytes, and the planes around it as `_placed` takes them: a mesh is the same in each
-    problem that is laid out for the last touches, and often at many places of a scene."""
+    problem that is assembled for the last touches, and often at many places of a scene."""
     cloud = np.frombuffer(points).reshape(-1, 3)
     frame = _box_frame(cloud)
     local = (cloud - frame[:3, 3]) @ frame[:3, :3]
     faces = _face_normals(local)
     directions = _many(np.vstack([box_directions(), faces]), planes) if len(faces) else few_directions(planes)
-    spare = MANY - FEW - len(faces) if len(faces) else 0
+    spare = BODY_PLANES - BOX_PLANES - len(faces) if len(faces) else 0
     directions, supports = _fill(directions, (directions @ local.T).max(axis=1), spare)
     half = read_only(np.abs(local).max(axis=0))
     return ConvexBody.from_points(cloud), read_only(directions), read_only(supports), half, read_only(frame)
@@ -243,7 +243,7 @@ def _face_normals(points: Array) -> Array:
         if (known @ normal).max() < 1 - 1e-9:
             kept.append(normal)
             known = np.vstack([known, normal])
-        if len(known) == MANY:
+        if len(known) == BODY_PLANES:
             break
     return np.array(kept).reshape(-1, 3)
 

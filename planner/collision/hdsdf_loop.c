@@ -3,7 +3,7 @@
 
    Why it is fast: one plane after another lies in memory, so that every step of the sums runs over planes in the widest
    vectors of the processor; roots are found without `pow`; and numbers of vertices and planes are arguments, so that no
-   robot and no obstacle has to be compiled for. */
+   robot and no obstacle needs a compilation. */
 
 #include "hdsdf_loop.h"
 
@@ -167,7 +167,7 @@ static double outside(int gamma, double length, const sums* at) {
   return gamma == 2 ? shaped_outside(2, length, at) : shaped_outside(gamma, length, at);
 }
 
-/* The force and the moment about the frame's origin that the derivatives by x_ik come to: Σ_i f_i and Σ_i p_i × f_i,
+/* The force and the moment about the frame's origin, from the derivatives by x_ik: Σ_i f_i and Σ_i p_i × f_i,
    f_i = Σ_k x_ik n_k, in four sums side by side, as wide as vectors are. */
 CLONES
 static void pulls(const sums* at, const double* points, const halfspaces* planes, double* force, double* moment) {
@@ -223,16 +223,16 @@ typedef struct {
   long long joints, count;
   const double* placements;
   const long long *samples, *pairs;
-} asked_rows;
+} requested_rows;
 
 /* D (count), wrench (count, 6) and D̃ (count). Returns 0, or −1 without memory. */
-static int hdsdf_rows(const asked_rows* asked, int gamma, double length, double* distance, double* wrench,
+static int hdsdf_rows(const requested_rows* rows, int gamma, double length, double* distance, double* wrench,
                       double* separation) {
   projection found;
-  if (make_projection(asked->of, &found)) return -1;
-  for (long long row = 0; row < asked->count; ++row) {
-    const double* frames = asked->placements + 12 * asked->samples[row] * asked->joints;
-    distance[row] = hdsdf_of_pair(asked->of, gamma, length, asked->pairs[row], frames, &found, separation + row,
+  if (make_projection(rows->of, &found)) return -1;
+  for (long long row = 0; row < rows->count; ++row) {
+    const double* frames = rows->placements + 12 * rows->samples[row] * rows->joints;
+    distance[row] = hdsdf_of_pair(rows->of, gamma, length, rows->pairs[row], frames, &found, separation + row,
                                   wrench + 6 * row);
   }
   free(found.points);
@@ -243,21 +243,21 @@ static int hdsdf_rows(const asked_rows* asked, int gamma, double length, double*
 
 WRAPPER(call_hdsdf_rows) {
   arguments taken = begin("hdsdf_rows", given, count);
-  asked_rows asked = {.of = record(&taken, "tables", "tables")};
+  requested_rows rows = {.of = record(&taken, "tables", "tables")};
   const int gamma = (int)whole(&taken, "gamma", 1, 1000);
   const double length = number(&taken, "length");
-  asked.placements = numbers(&taken, "placements", SHAPE(ANY, ANY, 12));
+  rows.placements = numbers(&taken, "placements", SHAPE(ANY, ANY, 12));
   const long long batch = taken.shape[0];
-  asked.joints = taken.shape[1];
-  if (asked.of && asked.joints < asked.of->joints) wrong(&taken, "placements", "those of all joints");
-  asked.samples = indices(&taken, "samples", 0, batch, SHAPE(ANY));
-  asked.count = taken.shape[0];
-  asked.pairs = indices(&taken, "pairs", 0, asked.of ? asked.of->pairs : 0, SHAPE(asked.count));
-  double* distance = written(&taken, "distance", SHAPE(asked.count));
-  double* wrench = written(&taken, "wrench", SHAPE(asked.count, 6));
-  double* separation = written(&taken, "separation", SHAPE(asked.count));
+  rows.joints = taken.shape[1];
+  if (rows.of && rows.joints < rows.of->joints) wrong(&taken, "placements", "those of all joints");
+  rows.samples = indices(&taken, "samples", 0, batch, SHAPE(ANY));
+  rows.count = taken.shape[0];
+  rows.pairs = indices(&taken, "pairs", 0, rows.of ? rows.of->pairs : 0, SHAPE(rows.count));
+  double* distance = written(&taken, "distance", SHAPE(rows.count));
+  double* wrench = written(&taken, "wrench", SHAPE(rows.count, 6));
+  double* separation = written(&taken, "separation", SHAPE(rows.count));
   int failed = 0;
-  if (ready(&taken)) WITHOUT_LOCK(failed = hdsdf_rows(&asked, gamma, length, distance, wrench, separation));
+  if (ready(&taken)) WITHOUT_LOCK(failed = hdsdf_rows(&rows, gamma, length, distance, wrench, separation));
   return ended(&taken, failed ? no_memory() : none());
 }
 

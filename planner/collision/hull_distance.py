@@ -1,4 +1,4 @@
-"""Distance from points to the convex hull of a few vertices, with where the nearest point lies."""
+"""Distance from points to the convex hull of a few vertices, with the nearest points."""
 
 from __future__ import annotations
 

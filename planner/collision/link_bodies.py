@@ -151,9 +151,9 @@ def enclosed(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Swept, 
         return shipped
     key = content_key(FIT_VERSION, geometry, content)
     with _fitting:  # whoever waited finds what the other has stored
-        known = load("link_bodies", key)
+        known = load("link_bodies", key, lambda value: tuple(Swept(np.array(each), radius) for each, radius in value))
         if known is not None:
-            return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
+            return known
         tell(f"fitting bodies to {link}, link {robot.links.index(link) + 1} of {len(robot.links)} of {robot.name}")
         with threadpool_limits(1):  # thousands of tiny products: with threads that wait for each other, 5 s become 20
             bodies = _around(link_triangles(robot, link), geometry)
@@ -211,7 +211,7 @@ def _moved(points: Array, placement: pin.SE3) -> Array:
 
 
 def _content(robot: Robot, link: str, item: pin.GeometryObject) -> tuple[str | bytes, ...]:
-    """Return what determines one geometry in the link's frame, for the cache's key."""
+    """Return the data that determine one geometry in the link's frame, for the cache's key."""
     place = _link_frame(robot, link).inverse() * item.placement
     rounded = np.round(np.hstack([place.rotation.ravel(), place.translation]), 9) + 0.0
     return type(item.geometry).__name__, rounded.tobytes(), (np.round(_outline(item), 9) + 0.0).tobytes()

@@ -26,10 +26,10 @@ else:
 GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
 PROMISING_OVERHANG = 0.020  # beyond the faces of the link's hull [m]: a rough fit with more will not become good
 LARGE_DIAGONAL = 1.0  # links with a longer diagonal [m] may have bodies that stand out more, in proportion
-TELLING = 4  # vertices of a body from which on it tells how tight others can be
+TELLING_VERTICES = 4  # vertices of a body from which on it tells how tight others can be
 # axes whose rough fits stand out by no more than this many times the least are compared by measuring
 NEAR_LEAST = 1.15
-OUTLINE = 400  # corners of the hull from which how far bodies stand out is measured
+OUTLINE_CORNERS = 400  # corners of the hull from which how far bodies stand out is measured
 REACH = 0.06  # how far a slab's body may reach into neighbouring slabs at no cost [m]
 CANDIDATES = (
     (1, 2),
@@ -56,7 +56,7 @@ def fitted(triangles: Array, candidates: tuple[tuple[int, int], ...] = CANDIDATE
     scored: list[tuple[float, tuple[Swept, ...]]] = []
     along: tuple[int, ...] = (0, 1, 2)  # axes; those that do worse with bodies of some vertices are given up
     for slabs, vertices in candidates:
-        if best is not None and best.vertices >= TELLING and (slabs, vertices) != candidates[-1]:
+        if best is not None and best.vertices >= TELLING_VERTICES and (slabs, vertices) != candidates[-1]:
             least = best.excess * best.vertices / (slabs * vertices)
             if least > limit:
                 continue
@@ -71,7 +71,7 @@ def fitted(triangles: Array, candidates: tuple[tuple[int, int], ...] = CANDIDATE
                 if scores[trial.axis] <= 1.0:
                     return bodies
                 scored.append((scores[trial.axis], bodies))
-        if slabs > 1 and vertices >= TELLING:
+        if slabs > 1 and vertices >= TELLING_VERTICES:
             along = (min(scores, key=scores.__getitem__),) if scores else tuple(trial.axis for trial in near)
     if scored:
         return min(scored, key=lambda each: each[0])[1]
@@ -114,7 +114,7 @@ class _Link:
         self.edges = np.stack(np.divmod(np.unique(ends[:, 0] * len(corners) + ends[:, 1]), len(corners)))
         self.points = hull_points(corners)
         self.hull = Reference.of(self.points)
-        self.outline = spread(self.points, OUTLINE)
+        self.outline = spread(self.points, OUTLINE_CORNERS)
         self.slack = max(1.0, float(np.linalg.norm(np.ptp(self.points, axis=0))) / LARGE_DIAGONAL)
         self.cut: dict[tuple[int, int], list[Target]] = {}
 
@@ -136,7 +136,8 @@ class _Link:
         return max(mean / GOOD_MEAN, p95 / GOOD_P95) / self.slack
 
     def targets(self, slabs: int, axis: int) -> list[Target]:
-        """Return what the bodies of equal slabs along an axis are to contain; they may reach by REACH beyond."""
+        """Return the points that the bodies of equal slabs along an axis must contain; bodies may reach beyond by
+        REACH."""
         if (slabs, axis) not in self.cut:
             self.cut[slabs, axis] = self._slabs(slabs, axis) if slabs > 1 else [Target.of(self.points, self.points)]
         return self.cut[slabs, axis]

@@ -28,11 +28,11 @@ def link_parts(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Array
     bodies = enclosed(robot, link, geometry)
     numbers = [number for body in bodies for number in (body.vertices.tobytes(), repr(body.radius))]
     key = content_key(VERSION, link_key(robot, link), *numbers)
-    known = load("link_parts", key)
-    if known is None:
-        known = [part.tolist() for part in _parts(bodies, link_triangles(robot, link))]
-        store("link_parts", key, known)
-    return tuple(in_joint(robot, link, np.array(part).reshape(-1, 3)) for part in known)
+    parts = load("link_parts", key, lambda value: [np.array(part, dtype=float).reshape(-1, 3) for part in value])
+    if parts is None:
+        parts = _parts(bodies, link_triangles(robot, link))
+        store("link_parts", key, [part.tolist() for part in parts])
+    return tuple(in_joint(robot, link, part) for part in parts)
 
 
 def _parts(bodies: tuple[Swept, ...], triangles: Array) -> list[Array]:
@@ -43,7 +43,7 @@ def _parts(bodies: tuple[Swept, ...], triangles: Array) -> list[Array]:
         corners, which = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)  # triangles share them
         within = [distance_to_hull(corners, body.vertices)[0] <= body.radius for body in bodies]
         corner = np.array(within)[:, which.ravel()].reshape(len(bodies), -1, 3)
-        if not corner.any(axis=0).all():  # one sticks out: halving would go on for ever
+        if not corner.any(axis=0).all():  # one sticks out: halving would continue for ever
             return []
         inside = corner.all(axis=2)  # (bodies, T)
         first = np.where(inside.any(axis=0), inside.argmax(axis=0), -1)

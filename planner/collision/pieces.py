@@ -1,4 +1,4 @@
-"""Halfspace bodies as arrays: what the tables of pairs are made of, without an object for each cell of a cloud."""
+"""Halfspace bodies as arrays for the tables of pairs, without an object for each cell of a cloud."""
 
 from __future__ import annotations
 

@@ -65,17 +65,17 @@ def distances_kept(
     if not pairs:
         return np.zeros(0)
     key = content_key(VERSION, *content_of(robot, bodies, pairs), np.float64(wanted).tobytes())
-    known = known_result("separation", key)
+    known = known_result("separation", key, lambda value: np.array(value, dtype=float).reshape(len(pairs)))
     if known is None:
         assembled = body_pairs(bodies, planes, pairs, 0.0, kinematics.supports)
         search = _Search(robot, kinematics, bodies, pairs, FclPairs(assembled, bodies, planes))
-        known, left = [0.0] * len(pairs), BUDGET
+        known, left = np.zeros(len(pairs)), BUDGET
         order = np.argsort(np.count_nonzero(assembled.moves, axis=1), kind="stable").tolist()
         for done, row in enumerate(order):
             known[row], looked = search.bound(row, wanted, min(MOST_BOXES, left // (len(order) - done)))
             left -= looked
-        store("separation", key, known)
-    return np.array(known)
+        store("separation", key, known.tolist())
+    return known
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,7 @@
-"""Bodies of well-known robots that come with the package, and what was found about them, so that nobody waits for it.
+"""Bodies of well-known robots that come with the package, and the proofs about their pairs, so that nobody waits for
+them.
 
-They lie in files by content, as in the cache: a link that differs in anything is fitted anew. What was found are the
+They lie in files by content, as in the cache: a link that differs in anything is fitted again. What was found are the
 entries of the cache that take long to compute. `benchmarks/shipped_bodies.py` writes both; bodies that are there stay,
 so that no motion changes for it.
 """
@@ -8,13 +9,14 @@ so that no motion changes for it.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hdplan.distance.compiled.cache import load, store
+from hdplan.distance.compiled.cache import Value, load, store
 from hdplan.planner.collision.sphere_swept_fit import Swept
 
 FILE = Path(__file__).with_name("shipped_bodies.json")
@@ -29,15 +31,17 @@ def shipped_bodies(key: str) -> tuple[Swept, ...] | None:
     return None if known is None else tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
 
 
-def known_result(kind: str, key: str) -> Any | None:
-    """Return the JSON value stored under one of KINDS and a key, in the cache or with the package; None if there is
-    none."""
-    known = load(kind, key)
-    if known is None:
-        known = _results().get(kind, {}).get(key)
-        if known is not None:
-            store(kind, key, known)  # a small file, for the next time
-    return known
+def known_result(kind: str, key: str, read: Callable[[Any], Value]) -> Value | None:
+    """Return what `read` makes of the JSON value stored under one of KINDS and a key, in the cache or with the package;
+    None if there is none."""
+    known = load(kind, key, read)
+    if known is not None:
+        return known
+    shipped = _results().get(kind, {}).get(key)
+    if shipped is None:
+        return None
+    store(kind, key, shipped)  # a small file, for the next time
+    return read(shipped)
 
 
 @cache

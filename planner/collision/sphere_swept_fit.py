@@ -21,7 +21,8 @@ from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
 
 MARGIN = 1e-6  # added to every radius [m], above rounding
-FEW, FACES = 128, 150  # points that the steps of a fit use, and of the reference; the radius is taken over all points
+FIT_POINTS = 128  # points that the steps of a fit use; the radius is taken over all points
+REFERENCE_FACES = 150  # corners that the reference keeps of the hull
 STARTS = 3  # of every fit
 STAGES = ((64, 20.0, 2e-3, 35), (128, 80.0, 5e-4, 40))  # points, exponent of the soft maximum, softness [m], rounds
 
@@ -61,13 +62,17 @@ class Target:
     """Points that a body contains, and the surface beyond which it should not reach."""
 
     points: Array  # (N, 3), all of them inside
-    few: Array  # (FEW, 3) of them, the first ones as far from each other as possible
+    few: Array  # (FIT_POINTS, 3) of them, the first ones as far from each other as possible
     reference: Reference
 
     @classmethod
     def of(cls, points: Array, around: Array) -> Target:
         """Return the target of points (N, 3) that lie in the hull of points `around` (M, 3)."""
-        return cls(points, np.resize(spread(points, FEW), (FEW, 3)), Reference.of(spread(around, FACES)))
+        return cls(
+            points,
+            np.resize(spread(points, FIT_POINTS), (FIT_POINTS, 3)),
+            Reference.of(spread(around, REFERENCE_FACES)),
+        )
 
     def enclosed(self, core: Array) -> Swept:
         """Return the least body around all points that has these vertices."""

@@ -1,4 +1,4 @@
-"""`hdplan batch`: plan many problems into a folder, and say what became of them. `hdplan sample`: draw them."""
+"""`hdplan batch`: plan many problems into a folder, and report the outcomes. `hdplan sample`: draw them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import typer
 from rich.text import Text
 
 from hdplan.planner.batch.cluster_file import ClusterFile
@@ -37,9 +38,10 @@ A_FEW = 3  # problems for each worker, after which one can say how long the othe
 
 
 def run_batch(
-    sources: Sequence[str],
-    output: Path,
+    sources: Sequence[str] | None,
+    output: Path | None,
     *,
+    report: Path | None,
     scene: str | None,
     workers: int | None,
     scheduler: str | None,
@@ -55,10 +57,16 @@ def run_batch(
     fps: int,
 ) -> int:
     """Plan all problems of the sources into the folder `output`; `time_limit` [s] holds for everything that one of them
-    needs.
+    needs. Of the folder `report`, print the report alone.
 
     Returns the exit code: 0 if all are certified, 1 if some are not or it was interrupted.
     """
+    if report is not None:
+        if sources or output is not None:
+            raise typer.BadParameter("--report RUN takes no SOURCE and no --output")
+        return show_report(report, plot)
+    if not sources or output is None:
+        raise typer.BadParameter("needs SOURCE and --output RUN, or --report RUN")
     check_installed()
     solver_named(solver)
     checked(Choice(("parquet", "files")), motions, "motions")
@@ -74,12 +82,12 @@ def run_batch(
         _check_times(jobs[0])
     with counting("certified", A_FEW * (given if isinstance(given, int) else cores())) as (count, stop):
 
-        def report(done: int, of: int, outcome: Outcome) -> None:
+        def note(done: int, of: int, outcome: Outcome) -> None:
             count(done, of, outcome.certified, "" if outcome.certified else f"{outcome.problem}: {outcome.text}")
 
         files = proofs or motions == "files"
         options = Options(solver, time_limit, files=files, proofs=proofs, diagnose=diagnosed)
-        complete = run_into(output, jobs, options, workers=given, report=report, stop=stop)
+        complete = run_into(output, jobs, options, workers=given, report=note, stop=stop)
     try:
         if export is not None and complete:
             export_lerobot(output, jobs, options, fps)
@@ -95,7 +103,7 @@ def _check_times(job: Job) -> None:
     except InputError:  # a row of its own, later
         return
     if not timed:
-        raise InputError(f"--export lerobot: {job.name} and the like: {WITHOUT_TIMES}")
+        raise InputError(f"--export lerobot: {job.name} and similar scenes: {WITHOUT_TIMES}")
 
 
 def show_report(folder: Path, plot: Path | None) -> int:
@@ -131,7 +139,7 @@ def _lines(failures: Failures, folder: Path) -> list[tuple[str, str]]:
     return [*lines, ("look", shlex.join(["hdplan", "view", *there]))] if there else lines
 
 
-def run_sample(scene: Path, output: Path, *, count: int, seed: int, goal: str, jitter: float, resize: float) -> int:
+def run_sample(scene: str, output: Path, *, count: int, seed: int, goal: str, jitter: float, resize: float) -> int:
     """Draw problems and write their table. Returns the exit code: 1 if it was interrupted before all were drawn."""
     check_writable(output, TABLES)
     check_installed()
@@ -140,7 +148,7 @@ def run_sample(scene: Path, output: Path, *, count: int, seed: int, goal: str, j
         def report(done: int, of: int, what: str) -> None:
             note(done, of, True, "")
 
-        drawn = sample(scene, count, seed=seed, goal=goal, jitter=jitter, resize=resize, report=report, stop=stop)
+        drawn = sample(Path(scene), count, seed=seed, goal=goal, jitter=jitter, resize=resize, report=report, stop=stop)
     write_output(output, _table(drawn.rows, output))
     with printing() as show:
         show(drawn.text)

@@ -1,4 +1,4 @@
-"""`hdplan explain`: explain the planning problem that a scene makes."""
+"""`hdplan explain`: explain the planning problem of a scene."""
 
 from __future__ import annotations
 

@@ -36,13 +36,13 @@ def run_follow(
     output: Path | None,
     rate: float | None,
     margin: float | None,
-    limits: Sequence[str],
+    limits: Sequence[str] | None,
     as_json: bool,
 ) -> int:
     """Follow a motion. Returns the exit code: 0 if the robot arrives and its motion is certified, else 1."""
     if output is not None:
         check_output(output)
-    given = _limits(limits)
+    given = _limits(limits or ())
     settings = _settings(rate, margin)
     problem = load_scene(scene, request=request, robot=robot)
     problem = derived(problem, limits=replace(problem.limits, **given))

@@ -146,7 +146,7 @@ def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> i
 
 
 def run_plot_job(scene: Scene, trajectory: Path, output: Path) -> int:
-    """Draw the motion of a job. Returns the exit code: 0 whatever the verdict."""
+    """Draw the motion of a job. Returns the exit code: 0 for every verdict."""
     from hdplan.planner.job.sheet import plot_job
 
     motion = Trajectory.load(trajectory)
@@ -160,8 +160,11 @@ def run_plot_job(scene: Scene, trajectory: Path, output: Path) -> int:
     return 0
 
 
-def run_simulate_job(scene: Scene, trajectory: Path, plant: Plant | None, *, printed_as_json: bool) -> int:
-    """Replay the motion of a job. Returns the exit code: 0 if all its stages succeed, else 1."""
+def run_simulate_job(
+    scene: Scene, trajectory: Path, plant: Plant | None, *, plant_name: str | None, printed_as_json: bool
+) -> int:
+    """Replay the motion of a job, executed by a plant if there is one. Returns the exit code: 0 if all its stages
+    succeed, else 1."""
     from hdplan.planner.job.simulation import replay_job
 
     motion = Trajectory.load(trajectory)
@@ -169,7 +172,8 @@ def run_simulate_job(scene: Scene, trajectory: Path, plant: Plant | None, *, pri
         simulation = replay_job(scene, motion, plant)
     with printing() as show:
         if printed_as_json:
-            show(json.dumps({**simulation.summary(), "scene": scene.name, "trajectory": str(trajectory)}))
+            about = {"plant": plant_name, "scene": scene.name, "trajectory": str(trajectory)}
+            show(json.dumps({**simulation.summary(), **about}))
         else:
             show(Text(simulation.text, style="green" if simulation.succeeded else "red"))
             show(columns(simulated_rows(simulation)))

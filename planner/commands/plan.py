@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.causes import CAUSES
-from hdplan.planner.commands.watched import alone, also_seen, opened
+from hdplan.planner.commands.watched import alone, also_seen, opened, serving
 from hdplan.planner.motion.curve import row_count
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.solvers import solver_named
-from hdplan.planner.terminal.arguments import SEARCH
+from hdplan.planner.terminal.arguments import SEARCH_TIME
 from hdplan.planner.terminal.console import printing, progress, waiting
 from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import result_rows, table, verdict_text
@@ -37,7 +37,13 @@ if TYPE_CHECKING:
     Run = Callable[[Report, Stop], PlanResult]
 
 
-def run_plan(
+def run_plan(scene: str, request: Path | None, robot: str | RobotSpec | None, *, watched: bool, **options: Any) -> int:
+    """Plan as `planned`; browsers that see it are served until Ctrl-C."""
+    with serving(watched) as served:
+        return planned(scene, request, robot, served=served, **options)
+
+
+def planned(
     scene: str,
     request: Path | None,
     robot: str | RobotSpec | None,
@@ -52,10 +58,10 @@ def run_plan(
     time_limit: float | None,
     as_json: bool,
     quiet: bool,
-    served: contextlib.ExitStack | None = None,
+    served: contextlib.ExitStack | None,
 ) -> int:
-    """Plan within a `time_limit` [s] for everything; without one, solving and certifying take at most SEARCH seconds.
-    Browsers see it that are `served`.
+    """Plan within a `time_limit` [s] for everything; without one, solving and certifying take at most SEARCH_TIME
+    seconds. Browsers see it that are `served`.
 
     Returns the exit code: 0 if the motion is certified, else 1.
     """
@@ -78,7 +84,7 @@ def run_plan(
         from hdplan.planner.commands.prove import check_proof_of_plan
 
         check_proof_of_plan(proof, output, robot)
-    longest = SEARCH if time_limit is None else time_limit
+    longest = SEARCH_TIME if time_limit is None else time_limit
     options = {"solver": solver, "seed": seed, "time_limit": longest}
     problem, found = None, None
     try:

@@ -17,7 +17,7 @@ from hdplan.scenes.yaml_format.reader import load_scene
 
 
 def run_plot(scene: str, trajectory: Path, request: Path | None, robot: str | RobotSpec | None, *, output: Path) -> int:
-    """Draw a motion. Returns the exit code: 0 whatever the verdict."""
+    """Draw a motion. Returns the exit code: 0 for every verdict."""
     check_picture(output)
     problem = load_scene(scene, request=request, robot=robot)
     if problem.job is not None:

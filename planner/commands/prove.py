@@ -1,4 +1,4 @@
-"""`hdplan prove`: write down why a motion is free."""
+"""`hdplan prove`: write the proof that a motion is free."""
 
 from __future__ import annotations
 

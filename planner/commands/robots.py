@@ -15,12 +15,12 @@ from hdplan.scenes.output import check_writable, write_output
 from hdplan.scenes.robot_spec import RobotSpec
 
 
-def run_robots(name: str | RobotSpec | None, *, srdf: Path | None, as_json: bool) -> int:
+def run_robots(robot: str | RobotSpec | None, *, srdf: Path | None, as_json: bool) -> int:
     """Load every robot, or the one of this name or file. Returns the exit code: 0."""
     if srdf is not None:
-        return _write_srdf(name, srdf, as_json=as_json)
-    with waiting("loading every robot" if name is None else f"loading {_called(name)}"):
-        tables = listing() if name is None else describe(name)
+        return _write_srdf(robot, srdf, as_json=as_json)
+    with waiting("loading every robot" if robot is None else f"loading {_called(robot)}"):
+        tables = listing() if robot is None else describe(robot)
     with printing() as show:
         if as_json:
             show(json.dumps(tables))

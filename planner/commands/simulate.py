@@ -40,7 +40,7 @@ def run_simulate(
         from hdplan.planner.commands.job import refuse_options, run_simulate_job
 
         refuse_options({"--plot": plot})
-        return run_simulate_job(problem, trajectory, body, printed_as_json=as_json)
+        return run_simulate_job(problem, trajectory, body, plant_name=plant, printed_as_json=as_json)
     motion = Trajectory.load(trajectory)
     setup = Setup.of(problem)
     arm = setup.robot
@@ -67,7 +67,7 @@ def run_simulate(
 
 
 def _plant(name: str) -> Plant:
-    """Return what executes a motion: a body in MuJoCo, of hdplan's robot or of a model file."""
+    """Return the body in MuJoCo that executes a motion, of hdplan's robot or of a model file."""
     if name != MUJOCO and Path(name).suffix.lower() not in MODELS:
         raise InputError(f"--plant: must be '{MUJOCO}' or a MuJoCo model file ({', '.join(MODELS)}), found '{name}'")
     from hdplan.planner.control.mujoco_arm import execute_in_mujoco

@@ -35,32 +35,32 @@ LESS = {  # what `--quick` measures, and what it leaves out
 }
 
 
-def run_distance_study(folder: Path, *, quick: bool) -> int:
+def run_distance_study(output: Path, *, quick: bool) -> int:
     """Measure what accuracy of the distance costs. Returns the exit code: 0, or 1 if it was interrupted."""
     with measuring() as (report, stop):
-        found = study_distance(folder, quick, report, stop)
+        found = study_distance(output, quick, report, stop)
     return _shown(found, LESS["distance"] * quick)
 
 
-def run_planning_study(folder: Path, *, quick: bool, problems: Path | None, every: int) -> int:
+def run_planning_study(output: Path, *, quick: bool, problems: Path | None, every: int) -> int:
     """Measure what accuracy costs when planning. Returns the exit code: 0, or 1 if it was interrupted."""
     scenes = [*shipped_with_obstacles(quick), *(problems_below(problems, every) if problems else [])]
     with measuring() as (report, stop):
-        found = study_planning(folder, scenes, quick, report, stop)
+        found = study_planning(output, scenes, quick, report, stop)
     return _shown(found, LESS["planning"] * quick)
 
 
-def run_figure(name: str, folder: Path, *, quick: bool) -> int:
+def run_figure(output: Path, name: str, *, quick: bool) -> int:
     """Reproduce one of FIGURES. Returns the exit code: 0, or 1 if it was interrupted."""
     with measuring() as (report, stop):
-        found = FIGURES[name](folder, quick, report, stop)
+        found = FIGURES[name](output, quick, report, stop)
     return _shown(found, LESS[name] * quick)
 
 
-def run_kinks(folder: Path) -> int:
+def run_kinks(output: Path) -> int:
     """Follow the distances of two squares that pass each other. Returns the exit code: 0."""
     with waiting("following the squares"):
-        found = reproduce_kinks(folder)
+        found = reproduce_kinks(output)
     return _shown(found)
 
 

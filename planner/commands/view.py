@@ -32,7 +32,7 @@ HOST, PORT = "127.0.0.1", 8080  # unless others are given: this machine alone
 
 def run_view(
     scene: str,
-    trajectories: Sequence[Path],
+    trajectories: Sequence[Path] | None,
     request: Path | None,
     robot: str | RobotSpec | None,
     *,
@@ -44,6 +44,7 @@ def run_view(
     share: bool = False,
 ) -> int:
     """Serve until Ctrl-C, or write the page `record` and the film `video`. Returns the exit code: 0."""
+    trajectories = trajectories or []
     if record is not None or video is not None:
         served = {"--host": host, "--port": port, "--proof": proof, "--share": share or None}
         check_files(record, video, trajectories, [option for option, value in served.items() if value is not None])

@@ -23,7 +23,7 @@ class Viewer(Protocol):
     """A viewer of one motion or of a job."""
 
     def address(self) -> str:
-        """Return where browsers find it."""
+        """Return its address for browsers."""
 
     def close(self) -> None:
         """End its server."""
@@ -54,7 +54,7 @@ def opened(name: str, make: Callable[[], Served], served: contextlib.ExitStack) 
 
 
 def alone(run: Callable[[Report, Stop], Result]) -> Result:
-    """Make a plan that nobody sees."""
+    """Return a plan without a browser."""
     return run(lambda event: None, lambda: False)
 
 

@@ -1,4 +1,4 @@
-"""An arm as loops know it: its clock, what its joints measure, and where they are to be next.
+"""The interface of an arm for loops: its clock, the measured joints, and their next references.
 
 A simulated body has these (`mujoco_arm.MuJoCoArm`), and so has a real one, in some lines around its driver.
 """
@@ -22,11 +22,11 @@ class Arm(Protocol):
         """Return the time [s] on its clock."""
 
     def state(self) -> tuple[Array, Array]:
-        """Return the positions (n,) [rad or m] and velocities (n,) that were measured; joints that turn without limits
-        count on over whole turns, as what is sent to them does."""
+        """Return the positions (n,) [rad or m] and velocities (n,) as measured; values of joints that turn without
+        limits continue beyond whole turns, like the references sent to them."""
 
     def send(self, position: Array, velocity: Array) -> None:
-        """Be at a position (n,), with a velocity (n,), one period from now; returns when it is over."""
+        """Move to a position (n,), with a velocity (n,), within one period; returns at its end."""
 
     def stop(self) -> None:
-        """Come to rest at once, whatever was sent."""
+        """Come to rest at once, regardless of earlier references."""

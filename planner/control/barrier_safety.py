@@ -50,9 +50,9 @@ from hdplan.scenes.once import made_once, read_only
 
 Floats = NDArray[np.float64]
 
-FLAT = 1e-3  # a barrier with a smaller slope over the separation on its own boundary forbids nothing there
-GRID = 24  # cells along an edge of the cube whose grid covers all directions
-NEWTON = 8  # iterations: from at most ln 2 away, each squares what is left
+LEAST_SLOPE = 1e-3  # a barrier with a smaller slope over the separation on its own boundary forbids nothing there
+DIRECTION_CELLS = 24  # cells along an edge of the cube whose grid covers all directions
+NEWTON_STEPS = 8  # iterations: from at most ln 2 away, each squares what is left
 RESOLUTION = 1e-9  # [m] and [1]: resolution of least distances, and of their normals
 
 
@@ -78,7 +78,7 @@ def unshaped(value: Floats | float, gamma: int, length: float) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         wanted = np.log(np.asarray(value) / length)
         x = np.where(wanted > 0.0, wanted, wanted / (gamma + 1))
-        for _ in range(NEWTON):
+        for _ in range(NEWTON_STEPS):
             x = x - ((gamma + 1) * x - np.logaddexp(0.0, gamma * x) - wanted) / (1.0 + gamma * expit(-gamma * x))
         return np.where(np.asarray(value) > 0.0, length * np.exp(x), 0.0)
 
@@ -128,14 +128,14 @@ def _least_distance(normals: bytes, delta: float, growth: float, gamma: int, len
 
 @functools.cache
 def _around_the_ball() -> Floats:
-    """Return vertices (M, 3) whose hull contains the unit ball: a grid of GRID cells along a cube's edges, projected
-    from its centre. Every direction is within the diagonal of a cell, √2 · 2/GRID, of one of them on the cube, and
-    closer on the ball: the cosine between the two is at least 1 − half the square of that."""
-    ticks = np.linspace(-1.0, 1.0, GRID + 1)
+    """Return vertices (M, 3) whose hull contains the unit ball: a grid of DIRECTION_CELLS cells along a cube's edges,
+    projected from its centre. Every direction is within the diagonal of a cell, √2 · 2/DIRECTION_CELLS, of one of them
+    on the cube, and closer on the ball: the cosine between the two is at least 1 − half the square of that."""
+    ticks = np.linspace(-1.0, 1.0, DIRECTION_CELLS + 1)
     u, v = (part.ravel() for part in np.meshgrid(ticks, ticks))
     face = np.stack([u, v, np.ones_like(u)], axis=1)
     corners = np.vstack([np.roll(face * [1, 1, sign], turn, axis=1) for turn in range(3) for sign in (1, -1)])
-    return read_only(corners / np.linalg.norm(corners, axis=1, keepdims=True) / (1.0 - (2.0 / GRID) ** 2))
+    return read_only(corners / np.linalg.norm(corners, axis=1, keepdims=True) / (1.0 - (2.0 / DIRECTION_CELLS) ** 2))
 
 
 def sufficient_separation(delta: float, gamma: int, length: float, corners: int) -> float:
@@ -203,7 +203,7 @@ def refuse_unsafe(
                 f"more than {-growth:g} m is needed"
             )
         return
-    if straightened(delta, gamma, length)[1] < FLAT:
+    if straightened(delta, gamma, length)[1] < LEAST_SLOPE:
         raise InputError(
             f"control.margin: {delta:g} m lies on the flat spot of the HD-SDF (shaping length {length:g} m): its "
             "gradient vanishes on the barrier's own boundary, so that it forbids nothing there; "

@@ -37,9 +37,9 @@ from hdplan.scenes.poses import IDENTITY
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import instance
 
-PROVEN = ("hdsdf", "euclidean")  # those of which the broad phase misses no pair
-BEYOND = 0.05  # [m] from everything that stands is a link that is in no pair with it, whatever the robot does
-WIDER = 2.0  # times as far: more than the corners of a box stand out that is enlarged along its axes
+PROVEN_DISTANCES = ("hdsdf", "euclidean")  # those of which the broad phase misses no pair
+ALWAYS_APART = 0.05  # [m] from everything that stands is a link that is in no pair with it, whatever the robot does
+CORNER_FACTOR = 2.0  # times as far: more than the corners of a box stand out that is enlarged along its axes
 
 
 class Barriers:
@@ -85,7 +85,7 @@ class Barriers:
         self.coming = np.zeros(self.count, dtype=np.bool_)  # (P,) whether it is a pair with a moving obstacle
         self.coming[: len(outer)] = outer[:, 1] >= len(standing)
         stands = (np.arange(self.count) < len(outer)) & ~self.coming
-        proven = settings.distance in PROVEN
+        proven = settings.distance in PROVEN_DISTANCES
         self.standing = stands & proven  # (P,) of which `Moment.within` is proven
         first = np.cumsum([0, *(len(level.pairs) for level in levels)]).tolist()
         self._layout = Layout(
@@ -112,7 +112,7 @@ class Barriers:
         return (*first, *((bodies[a].link, bodies[b].link) for a, b in self_pairs))
 
     def __repr__(self) -> str:
-        """Say how many pairs of each kind there are."""
+        """Return, in words, how many pairs of each kind there are."""
         own = self.count - self.obstacle_pairs
         return (
             f"<Barriers of {self.robot.name}: {self.obstacle_pairs} pairs with obstacles, {own} of links, "
@@ -134,7 +134,7 @@ class Barriers:
         if b.distance == "hdsdf":
             proven = (least_distance(each, margin, b.growth, b.gamma, b.shaping_length) for each in self._directions)
             found = min(proven, default=found)
-        return min(found, b.growth + BEYOND)  # of links in no pair no more is known
+        return min(found, b.growth + ALWAYS_APART)  # of links in no pair no more is known
 
     def evaluate(self, q: Array, time: float = 0.0) -> BarrierRows:
         """Return Δ and its derivatives of all pairs at configuration q (n,) and a time [s]."""
@@ -151,12 +151,12 @@ class Barriers:
 
 
 def _can_meet(robot: Robot, bodies: Sequence[LinkBody], others: Pieces, standing: int, margins: Array) -> Rows:
-    """Return the pairs (P, 2) of bodies that can come as close as BEYOND within the joint limits, grown by `margins`
-    [m]; the first `standing` of the others stand still.
+    """Return the pairs (P, 2) of bodies that can come as close as ALWAYS_APART within the joint limits, grown by
+    `margins` [m]; the first `standing` of the others stand still.
 
     Fixed links are in no pair: if a moving obstacle hits one, no motion of the robot can prevent it.
     """
-    boxes, half = others.boxes[:standing], others.half_sizes[:standing] + margins[:standing, None] + BEYOND
+    boxes, half = others.boxes[:standing], others.half_sizes[:standing] + margins[:standing, None] + ALWAYS_APART
     moving, found, gaps = np.arange(standing, len(others)), [np.empty((0, 2), dtype=np.int64)], dict[bytes, Array]()
     for a, body in enumerate(bodies):
         if body.joint > 0:
@@ -228,8 +228,8 @@ def setup_barriers(setup: Setup, settings: BarrierSettings, hulls: Sequence[Link
     with naming(scene.source):
         for obstacle in scene.obstacles:
             if obstacle.motion is None and isinstance(obstacle.shape, Cloud):
-                far = settings.growth + scene.clearances[obstacle.name] + BEYOND
-                within = reached + [0.0, 0.0, 0.0, WIDER * far]
+                far = settings.growth + scene.clearances[obstacle.name] + ALWAYS_APART
+                within = reached + [0.0, 0.0, 0.0, CORNER_FACTOR * far]
                 clouds.append(pieces_of(obstacle.name, obstacle.shape, obstacle.pose, planes, within))
             elif obstacle.motion is None:
                 standing += from_obstacle(obstacle, planes, closely=True)[0]

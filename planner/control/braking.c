@@ -1,4 +1,4 @@
-/* How joints brake within their limits: the equations of `braking.py`, to the last bit the same. */
+/* How joints brake within their limits: the equations of `braking.py`, equal to the last bit. */
 
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"
@@ -30,7 +30,7 @@ static double at_rest_of_push(const limits* of, double velocity, double accelera
   return velocity + sign * coming(of, acceleration);
 }
 
-/* In which time a joint comes to rest, at most [s]. */
+/* The longest time in which a joint comes to rest [s]. */
 static double seconds_of(const limits* of, double jerk, double velocity, double acceleration) {
   const double rest = fabs(at_rest_of_push(of, velocity, acceleration));
   const double after = rest * jerk < of->most * of->most ? 2.0 * sqrt(rest / jerk) : rest / of->most + of->most / jerk;

@@ -22,7 +22,7 @@ from hdplan.scenes.array_types import Array
 
 STEP = 1e-3  # [s] at most
 FREQUENCY = 100.0  # ω [rad/s] of the controller, critically damped
-LOST = 1e-2  # [rad] or [m] tracking error beyond which tracking is lost and the execution ends
+LOST_ERROR = 1e-2  # [rad] or [m] tracking error beyond which tracking is lost and the execution ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +98,10 @@ def execute(arm: Arm, curve: Curve, limits: Array) -> Execution:
         positions.append(q)
         errors.append(wanted[k + 1] - q)
         velocity_errors.append(wanted_speed[k + 1] - v)
-        if not np.abs(errors[-1]).max() <= LOST:
+        if not np.abs(errors[-1]).max() <= LOST_ERROR:
             break
     done = len(positions)
-    lost = bool(np.abs(errors[-1]).max() > LOST)
+    lost = bool(np.abs(errors[-1]).max() > LOST_ERROR)
     return Execution(
         times[:done], np.array(positions), np.array(errors), np.array(commanded), lost, np.array(velocity_errors)
     )

@@ -72,7 +72,7 @@ from hdplan.scenes.shapes import Solid
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import Number, checked, instance, is_row, require_fields, wrong
 
-FAR = 8.0 * np.pi  # [rad] or [m] up to which joints without limits are taken to count
+FARTHEST_JOINT = 8.0 * np.pi  # [rad] or [m] up to which joints without limits are taken to count
 MISSED_BARRIER = 1e-4  # [m/s] by which a barrier is violated before it is reported
 
 require_fields(
@@ -145,7 +145,7 @@ class Controller:
         found["velocity"] = settings.speed * found["velocity"]
         farthest = np.maximum(np.abs(robot.inner[0]), np.abs(robot.inner[1]))
         rise = 0.0 if settings.as_published else settings.rise
-        self.rates = Rates.of(found, settings.period, rise, np.minimum(farthest, FAR))
+        self.rates = Rates.of(found, settings.period, rise, np.minimum(farthest, FARTHEST_JOINT))
         try:
             self.rates.braked(self.rates.velocity, np.zeros(robot.n))
         except InputError:
@@ -155,7 +155,7 @@ class Controller:
             ) from None
 
     def __repr__(self) -> str:
-        """Say for which robot it is, and what it keeps apart."""
+        """Return its robot and the number of its pairs, for display."""
         return f"<Controller of {self.robot.name}: every {self.settings.period:g} s, {self.barriers!r}>"
 
     @property
@@ -185,9 +185,9 @@ class Controller:
         attached: Sequence[Attached] | None = None,
         q: ArrayLike | None = None,
     ) -> Controller:
-        """Return the controller of the same robot in a world seen anew: other obstacles (clouds, moving ones with the
-        velocities that were measured), or other things held; None: as before. The last command goes on from one to the
-        other. q (n,): where the robot was then, around which clouds leave points out (`Cloud.ignore_robot`).
+        """Return the controller of the same robot in an updated world: other obstacles (clouds, moving ones with their
+        measured velocities), or other held objects; None: as before. The last command remains valid. q (n,): the
+        robot's configuration at that moment, around which clouds leave points out (`Cloud.ignore_robot`).
 
         Raises InputError for a controller that was not made of a scene, for a cloud that needs q if there is none, and
         for all reasons of `Controller.of`.
@@ -217,8 +217,8 @@ class Controller:
     def step(
         self, q: Array, task: Task | Sequence[Task | Ranked], time: float = 0.0, last: Command | None = None
     ) -> Step:
-        """Return the command at configuration q (n,) and a time [s], after the last command: that of the step before
-        (`Step.command`), or what is measured of a robot that moves; at rest by default. Of several tasks see
+        """Return the command at configuration q (n,) and a time [s], after the last command: that of the previous step
+        (`Step.command`), or the measured state of a moving robot; at rest by default. For several tasks see
         `tasks.together`.
 
         Raises InputError, before anything is commanded, for a q, a time, a command or a task's objective that is not

@@ -3,7 +3,7 @@
 Scene (obstacles may move) + trajectory → what the robot does. The reference is the trajectory's own curve at a phase τ
 that waits for the robot,
 
-    τ̇ = max(0, 1 − |e| / LAG),   nominal velocity  u* = (r(τ + τ̇ T) − r(τ))/T + v,   e = r(τ) − q,
+    τ̇ = max(0, 1 − |e| / STOPPING_LAG),   nominal velocity  u* = (r(τ + τ̇ T) − r(τ))/T + v,   e = r(τ) − q,
 
 so that a blocked robot is not drawn through what blocks it. v, the velocity beside the reference, heads for
 
@@ -11,7 +11,7 @@ so that a blocked robot is not drawn through what blocks it. v, the velocity bes
 
 from which a joint can brake at e = 0, and nears it without passing it (`Rates.toward`), with half of the joint's
 acceleration A and jerk J; so it passes neither. The controller takes the velocity closest to u* that its
-barriers allow (`controller`). A trajectory that asks for more than the joints' limits is slowed evenly, a path without
+barriers allow (`controller`). A trajectory that requires more than the joints' limits is slowed evenly, a path without
 times is followed from rest to rest, at half of them or over the scene's `timing.duration` (`pacing`). The joints follow
 the commands smoothly, one period behind (`Run.executed`): that motion, with its velocities and accelerations, is saved,
 and certified as by `hdplan check`.
@@ -37,17 +37,18 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 
-LAG = 0.3  # [rad] or [m] of any joint behind the reference, at which the reference stops
+STOPPING_LAG = 0.3  # [rad] or [m] of any joint behind the reference, at which the reference stops
 GAIN = 4.0  # k [1/s]
-ARRIVED = 2e-3  # [rad] or [m] of every joint from the trajectory's end, within which it counts as reached
-SETTLED = 5e-7  # the same, at which the run ends, so that the executed motion ends where the certificate requires,
+ARRIVED_ERROR = 2e-3  # [rad] or [m] of every joint from the trajectory's end, within which it counts as reached
+# [rad] or [m] of every joint at which the run ends, so that the executed motion ends where the certificate requires,
+SETTLED_ERROR = 5e-7
 SETTLING = 3.0  # or this long after arrival [s], if a barrier keeps the robot off
 CATCHING_UP = 0.5  # share of the limits of acceleration and jerk for that
 PATIENCE = 3.0, 10.0  # times the trajectory's own duration, plus [s], after which the run is given up
 MARGIN = -2.5e-4  # [m] for obstacles and links, and
 GROWTH = 0.005  # [m] for both: plans pass closer than a freely moving controller should
 RATE = 50.0  # η [1/s]: a proven motion is slowed only where the robot could not brake
-HELD = 0.05  # [rad] or [m] of any joint behind the trajectory, above which the robot counts as held up
+HELD_UP_ERROR = 0.05  # [rad] or [m] of any joint behind the trajectory, above which the robot counts as held up
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +61,9 @@ class Followed:
     duration: float  # of the trajectory itself [s]
     arrived: float | None  # how long the robot took to reach its end [s]; None: it did not
     away: float  # the farthest that a joint was from the trajectory at the same phase [rad] or [m]
-    held: float  # how long it was HELD or more from it [s]
+    held: float  # how long it was HELD_UP_ERROR or more from it [s]
     unguarded: tuple[tuple[str, str], ...] = ()  # link pairs that the controller does not check
-    slowed: float = 1.0  # times as long as in the file: it asks for more than the limits allow
+    slowed: float = 1.0  # times as long as in the file: it requires more than the limits allow
 
     @property
     def succeeded(self) -> bool:
@@ -77,7 +78,7 @@ class Followed:
         return f"arrived after {self.arrived:.1f} s, {self.arrived - self.duration:.1f} s later than the trajectory"
 
     def rows(self) -> list[tuple[str, str]]:
-        """Return what happened as rows of a table."""
+        """Return the outcome as rows of a table."""
         seconds = self.run.step_seconds
         counted = ", ".join(f"{count} {mode.value}" for mode, count in self.run.counted.most_common())
         unguarded = ", ".join(f"{a} and {b}" for a, b in self.unguarded)
@@ -150,7 +151,7 @@ def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | Non
         duration,
         None if task.since is None else task.since - begin,
         float(behind.max(initial=0.0)),
-        settings.period * int((behind >= HELD).sum()),
+        settings.period * int((behind >= HELD_UP_ERROR).sum()),
         controller.barriers.unguarded,
         task.duration / duration,
     )
@@ -179,8 +180,8 @@ class FollowTask:
         error = wanted - q
         behind = float(np.abs(error).max())
         self.behind.append(behind)
-        pace = max(0.0, 1.0 - behind / LAG)
-        self.phase = min(self.phase + pace * period, self.duration)
+        share = max(0.0, 1.0 - behind / STOPPING_LAG)
+        self.phase = min(self.phase + share * period, self.duration)
         return np.eye(len(q)), -((self._at(self.phase) - wanted) / period + self._catching_up(error))
 
     def _catching_up(self, error: Array) -> Array:
@@ -194,11 +195,11 @@ class FollowTask:
     def met(self, q: Array, time: float) -> bool:
         """True if the robot has settled at the curve's end."""
         off = float(np.abs(self.curve.rows[-1] - q).max())
-        if self.phase < self.duration or off > ARRIVED:
+        if self.phase < self.duration or off > ARRIVED_ERROR:
             self.since = None
             return False
         self.since = time if self.since is None else self.since
-        return off <= SETTLED or time - self.since >= SETTLING
+        return off <= SETTLED_ERROR or time - self.since >= SETTLING
 
     def _at(self, phase: float) -> Array:
         assert self.curve.times is not None  # `follow` gives it times

@@ -1,4 +1,4 @@
-"""The check of a command before it is given: that the robot can brake from it without coming too close.
+"""The check of a command before it is sent: the robot can brake from it without coming too close.
 
 The way of a command is one period with its velocity, and then braking until rest (`window.Window.way`). It is accepted
 if on all of that way, at the ends of its periods, every Δ is at least its margin δ, or at least the least on the way on
@@ -23,15 +23,15 @@ from typing import NamedTuple
 import numpy as np
 
 from hdplan.planner.control.lows import Floors, Lows, lows_near, lows_of_hulls
-from hdplan.planner.control.program_rows import COMING
+from hdplan.planner.control.program_rows import MOVING_WEIGHT
 from hdplan.planner.control.quadratic_program import SoftConstraints, best_velocity
 from hdplan.planner.control.sight import Seen, Sight
 from hdplan.planner.control.window import Window
 from hdplan.scenes.array_types import Array, Mask
 
-CHECKS = 6  # of commands, including the first, and one whose joints are held
+MOST_CHECKS = 6  # of commands, including the first, and one whose joints are held
 ROUNDING = 1e-12  # [m] by which a distance that must not fall may do so
-SPARE = 1e-7  # [m] by which a corrected command should end above that: more than the program's tolerance
+SPARE_DISTANCE = 1e-7  # [m] by which a corrected command should end above that: more than the program's tolerance
 
 
 class Mode(Enum):
@@ -57,25 +57,29 @@ class LookAhead(NamedTuple):
         """Return the command after the check, its mode, and whether it passed."""
         base, box, given = self.window.brake[0], self.window.box, constraints
         best: tuple[float, Array] | None = None
-        for check in range(CHECKS + 1):
+        for check in range(MOST_CHECKS + 1):
             over, gradient, coming = self._fallen(velocity)
-            braking = check == CHECKS
+            braking = check == MOST_CHECKS
             if not len(over):
                 return velocity, Mode.STOPPED if braking else Mode.CORRECTED if check else Mode.MOVING, True
             yielding = coming.all()  # only what moves comes too close: braking is no better
             if yielding and (best is None or over.min() > best[0]):
                 best = float(over.min()), velocity
-            if braking or (yielding and check == CHECKS - 3):
+            if braking or (yielding and check == MOST_CHECKS - 3):
                 break
-            if check == CHECKS - 1:
+            if check == MOST_CHECKS - 1:
                 velocity = base
                 continue
-            if check == CHECKS - 2:  # a crest, from where every way leads down: hold the joints that move these pairs
+            if (
+                check == MOST_CHECKS - 2
+            ):  # a crest, from where every way leads down: hold the joints that move these pairs
                 moving = (gradient != 0.0).any(axis=0)
                 box, constraints = (np.where(moving, base, box[0]), np.where(moving, base, box[1])), given
-            target = gradient @ velocity + (SPARE - over) / self.window.rates.period
+            target = gradient @ velocity + (SPARE_DISTANCE - over) / self.window.rates.period
             floor = np.where(coming, -np.inf, np.minimum(target, gradient @ base))
-            constraints = constraints.with_rows(SoftConstraints(gradient, target, floor, np.full(len(target), COMING)))
+            constraints = constraints.with_rows(
+                SoftConstraints(gradient, target, floor, np.full(len(target), MOVING_WEIGHT))
+            )
             corrected = best_velocity(hessian, linear, *box, constraints)
             velocity = base if corrected is None else corrected
         return (base, Mode.STOPPED, False) if best is None else (best[1], Mode.CORRECTED, False)

@@ -1,4 +1,4 @@
-"""The loop between a motion and an arm, simulated or real: what is commanded, what is measured, and how far it is off.
+"""The loop between a motion and an arm, simulated or real: commands, measurements and errors.
 
 In every period the reference one period ahead is sent; what is measured is held against the reference of that moment.
 An arm that is farther off than it may be is stopped: what was proven says nothing of where it is then.
@@ -23,10 +23,10 @@ from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.sizes import Tracking
 from hdplan.scenes.values import Number, checked, functions, instance
 
-DIGITS = 3  # of measured errors, rounded up
-WAITS = 0.25  # of a period of the arm, for which a step is awaited before the reference is sent without it
-SAME = 1e-6  # [rad] or [m] between two commands at one time, from rounding
-LOOKS = 1e-4  # [s] between two looks at the arm's clock meanwhile
+ERROR_DIGITS = 3  # of measured errors, rounded up
+STEP_WAIT_SHARE = 0.25  # of a period of the arm, for which a step is awaited before the reference is sent without it
+SAME_COMMAND = 1e-6  # [rad] or [m] between two commands at one time, from rounding
+CLOCK_POLL = 1e-4  # [s] between two looks at the arm's clock meanwhile
 
 Reference = Callable[[float], tuple[Array, Array] | None]
 """Positions and velocities (2, n), now and one period from now; None: it is over."""
@@ -47,14 +47,13 @@ class Executed(ReadOnly):
 
     @property
     def tracking(self) -> Tracking:
-        """The largest errors of each joint, rounded up: what `robot.tracking` of a scene has to say for its proof to
-        hold for what was done. Other motions may have others."""
+        """The largest errors of each joint, rounded up: the `robot.tracking` with which a scene's proof covers the
+        executed motion. Other motions may have other errors."""
         return measured_tracking(self.errors, self.velocity_errors)
 
     @property
     def trajectory(self) -> Trajectory:
-        """The same as a motion: its measured times, positions and velocities. Raises InputError for less than two
-        rows."""
+        """The measured motion: times, positions and velocities. Raises InputError for fewer than two rows."""
         return Trajectory(self.joint_names, self.positions, {}, self.times, self.velocities)
 
 
@@ -77,11 +76,11 @@ class Loop:
     def follow(self, motion: Trajectory, begins: Callable[[StageMark], None] | None = None) -> Executed:
         """Follow a motion with times, from where the arm stands to its end: of a plan, of a job, of another planner.
 
-        Of a job's motion the arm's joints are sent; what else it moves, such as fingers, and the outputs that it sets,
-        are for `begins`, which is called with each stage (`Trajectory.stages`) when it begins.
+        For a job, only the arm's joints are sent; `begins` handles everything else, such as fingers and outputs: it is
+        called with each stage (`Trajectory.stages`) when the stage begins.
 
-        Raises InputError for a motion without times or of other joints, and for an arm that is farther than `most`
-        from where the motion begins; nothing was sent then.
+        Raises InputError for a motion without times or of other joints, and for an arm that is farther than `most` from
+        the beginning of the motion; nothing has been sent then.
         """
         instance(motion, Trajectory, "motion")
         if begins is not None:
@@ -125,13 +124,14 @@ class Loop:
         return self._run(reference)
 
     def replan(self, replanner: Replanner, seconds: float, see: Callable[[float], None] | None = None) -> Executed:
-        """Do what a replanner commands until it arrives, or for a time [s]; then, and on any error, along what it holds
-        until the arm stands.
+        """Execute a replanner's commands until the arm arrives, or for a time [s]; then, and on any error, follow its
+        current motion until the arm stands.
 
-        `see`, if given, is called with the time of the arm's clock before each step, for a simulation that has to say
-        what is seen; on a robot the camera's thread calls `replanner.update`. The replanner's clock is the arm's.
+        `see`, if given, is called with the time of the arm's clock before each step, for a simulation that provides the
+        pictures; on a robot the camera's thread calls `replanner.update`. The replanner's clock is the arm's.
 
-        Raises InputError for a replanner of other joints; and, once the arm stands, what `see` or the replanner raised.
+        Raises InputError for a replanner of other joints; and, once the arm stands, the error that `see` or the
+        replanner raised.
         """
         instance(replanner, Replanner, "replanner")
         seconds = checked(Number(high=1e6, above=0.0, unit="s"), seconds, "seconds")
@@ -161,7 +161,9 @@ class Loop:
                     if commands:
                         replanner.state(*self.arm.state(), at=now)
                     pending, due = beside.submit(replanner.step, now), max(due + replanner.period, t)
-                if pending is not None and self._awaited(pending, now + WAITS * period if commands else np.inf):
+                if pending is not None and self._awaited(
+                    pending, now + STEP_WAIT_SHARE * period if commands else np.inf
+                ):
                     step, pending = pending, None
                     command = step.result()
                     if not commands or self._joins(commands[-1], command, now, replanner.lags):
@@ -183,16 +185,16 @@ class Loop:
         """Return whether a step is done, once it is, or once the arm's clock comes to a time: a simulated one stands
         still until then, and a real arm needs its next reference."""
         while not pending.done() and self.arm.time() < until:
-            wait([pending], LOOKS)
+            wait([pending], CLOCK_POLL)
         return pending.done()
 
     def _joins(self, old: Command, new: Command, now: float, lags: Array) -> bool:
         """Return whether the arm may go over to a new command: where both are the same, or both stand, and the arm is
         as near to the new one as to the old one, or within its lags (n,). A command that comes so late that its motion
         has left the old one is passed over: the arm brakes along the old one, and the replanner, which then measures
-        that it is off, goes on from where it stands."""
+        that it is off, continues from where it stands."""
         one, other = old.at(now), new.at(now)
-        if np.abs(one.positions - other.positions).max() <= SAME:
+        if np.abs(one.positions - other.positions).max() <= SAME_COMMAND:
             return True
         if one.velocities.any() or other.velocities.any():
             return False
@@ -200,7 +202,7 @@ class Loop:
         return bool((np.abs(other.positions - q) <= np.maximum(np.abs(one.positions - q), lags)).all())
 
     def _run(self, reference: Reference, commands: Sequence[Command] = ()) -> Executed:
-        """Send references until they end, or until the arm is too far off; whatever goes wrong, the arm is stopped."""
+        """Send references until they end, or until the arm is too far off; on any error the arm is stopped."""
         began, rows, why, ended = self.arm.time(), list[tuple[Array, ...]](), "", False
         times: list[float] = []
         try:
@@ -239,7 +241,7 @@ def measured_tracking(errors: Array, velocity_errors: Array) -> Tracking:
 
 
 def _up(errors: Array) -> tuple[float, ...]:
-    """Return the largest absolute errors (n,) of rows (k, n), rounded up to DIGITS digits."""
+    """Return the largest absolute errors (n,) of rows (k, n), rounded up to ERROR_DIGITS digits."""
     most = np.abs(errors).max(axis=0)
-    unit = 10.0 ** (np.floor(np.log10(np.maximum(most, 1e-12))) + 1 - DIGITS)
+    unit = 10.0 ** (np.floor(np.log10(np.maximum(most, 1e-12))) + 1 - ERROR_DIGITS)
     return tuple((np.ceil(most / unit * (1 + 1e-9)) * unit).tolist())

@@ -1,4 +1,4 @@
-/* Where the distances of pairs are lowest on a way, as `lows.py` has it. */
+/* Where the distances of pairs are lowest on a way, as in `lows.py`. */
 
 #include <math.h>
 #include <stdlib.h>
@@ -18,7 +18,7 @@ typedef struct {
   double length;
 } barrier;
 
-/* A query of pairs, the first of which has the number `first`: `next` says of which only the first sample counts;
+/* A query of pairs, the first of which has the number `first`: `next` marks those of which only the first sample counts;
    those `inside` are straightened and shifted by `bent`. Wanted are pairs that are lower than their floors by `lower`. */
 typedef struct {
   const barrier* of;
@@ -139,7 +139,7 @@ WRAPPER(make_barrier) {
   return made(&taken, "barrier", &of, sizeof of);
 }
 
-/* What both functions take of the pairs; there are as many as floors. */
+/* The arguments of both functions that describe the pairs; there are as many as floors. */
 static long long take_pairs(arguments* taken, query* of) {
   of->of = record(taken, "barrier", "barrier");
   of->placements = numbers(taken, "placements", SHAPE(ANY, ANY, 12));

@@ -1,7 +1,7 @@
-"""The lowest distances of pairs on a way, below their floors: what the look-ahead examines.
+"""The lowest distances of pairs on a way, below their floors, for the look-ahead.
 
 Inside a margin the HD-SDF's shaping is inverted (`barrier_safety.straightened`), as it gives no direction on its flat
-spot. The loop in C looks at every row once and keeps one for each pair, where NumPy makes arrays of all of them, in a
+spot. The loop in C examines every row once and keeps one for each pair, where NumPy makes arrays of all of them, in a
 tenth of the time; without a compiler, and for distances that have no loop, it is NumPy.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.collision.close_pairs import LEAST_SEPARATION
 from hdplan.planner.control.barrier_safety import straightened
-from hdplan.planner.control.moment import NONE, BarrierRows, Moment
+from hdplan.planner.control.moment import NO_ROWS, BarrierRows, Moment
 from hdplan.scenes.array_types import Array, Rows
 
 FIRST_ROOM = 32  # pairs for which there is room at first
@@ -32,7 +32,7 @@ class Shaping(NamedTuple):
     def undone(self, rows: BarrierRows, pairs: Rows, inside: Rows) -> BarrierRows:
         """Return the rows of `pairs` with Δ of those `inside` their margins as u(Δ) − u(δ) + δ, where u is the
         separation before shaping: it grows with Δ and is δ where Δ is, but also has a slope on the flat spot."""
-        found = np.flatnonzero((pairs[:, None] == inside).any(axis=1)) if len(inside) else NONE
+        found = np.flatnonzero((pairs[:, None] == inside).any(axis=1)) if len(inside) else NO_ROWS
         if not len(found):
             return rows
         separation, slope = straightened(rows.value[found], self.gamma, self.length)
@@ -92,7 +92,7 @@ def lows_among(moment: Moment, samples: Rows, pairs: Rows, shaping: Shaping | No
 def lows_of_hulls(moment: Moment, samples: Rows, pairs: Rows, floors: Floors) -> Lows:
     """Return the lows of the exact distance of the links' hulls in pairs (k,) among samples."""
     if not moment.layout.exact:
-        pairs = NONE
+        pairs = NO_ROWS
     loops = library()
     if loops is None:
         return _lows_of(moment.nearness, *_crossed(samples, pairs), None, floors)
@@ -127,7 +127,7 @@ class _Found:
     """The lows that the loops find."""
 
     def __init__(self, moment: Moment, shaping: Shaping | None, floors: Floors) -> None:
-        self._moment, self._inside = moment, floors.inside if shaping is not None else NONE
+        self._moment, self._inside = moment, floors.inside if shaping is not None else NO_ROWS
         bent = floors.values if shaping is None else shaping.bent
         self._floors = floors.values, bent, floors.next, self._inside, floors.lower
         self._parts: list[Lows] = []
@@ -153,5 +153,5 @@ class _Found:
         """All of them."""
         if len(self._parts) == 1:
             return self._parts[0]
-        nothing = Lows(np.empty(0), np.empty((0, self._moment.layout.robot.n)), NONE, NONE)
+        nothing = Lows(np.empty(0), np.empty((0, self._moment.layout.robot.n)), NO_ROWS, NO_ROWS)
         return Lows(*(np.concatenate(each) for each in zip(nothing, *self._parts, strict=True)))

@@ -1,4 +1,4 @@
-/* What wrenches on the first bodies of pairs are by the joints, as `moment.py` has it. */
+/* Derivatives by the joints of wrenches on the first bodies of pairs, as in `moment.py`. */
 
 #include "../../distance/compiled/border.h"
 
@@ -7,10 +7,10 @@ typedef struct {
   long long count, n;
   const double *columns, *moves, *wrench;
   const long long *samples, *pairs;
-} asked_rows;
+} requested_rows;
 
 /* ∂Δ/∂q (count, n). */
-static void turn(const asked_rows* of, double* gradient) {
+static void turn(const requested_rows* of, double* gradient) {
   for (long long row = 0; row < of->count; ++row) {
     const double *column = of->columns + 6 * of->n * of->samples[row], *wrench = of->wrench + 6 * row;
     const double* moves = of->moves + of->n * of->pairs[row];
@@ -26,7 +26,7 @@ static void turn(const asked_rows* of, double* gradient) {
 
 WRAPPER(call_by_joints) {
   arguments taken = begin("by_joints", given, count);
-  asked_rows of = {.columns = numbers(&taken, "columns", SHAPE(ANY, ANY, 6))};
+  requested_rows of = {.columns = numbers(&taken, "columns", SHAPE(ANY, ANY, 6))};
   const long long batch = taken.shape[0];
   of.n = taken.shape[1];
   of.moves = numbers(&taken, "moves", SHAPE(ANY, of.n));

@@ -7,7 +7,6 @@ pose only, so the second body's wrench is the opposite one, and a moving obstacl
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -21,7 +20,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.once import read_only
 
-NONE = read_only(np.empty(0, np.int64))
+NO_ROWS = read_only(np.empty(0, np.int64))
 Distance = Callable[[KinematicsBatch, Rows, Rows], tuple[Array, Array, Array]]  # as `PairDistance` is called
 
 
@@ -77,7 +76,7 @@ class Moment(NamedTuple):
         if not of.bounded:
             every = np.indices((len(self.kinematics.placements), len(of.moves))).reshape(2, -1)
             return every[0], every[1]
-        found = [(NONE, NONE)]
+        found = [(NO_ROWS, NO_ROWS)]
         for first, level in of.levels:
             sample, pair = level.near(needed[0 if first < of.outer else 1]).close(self.kinematics)
             found.append((sample, pair + first))
@@ -88,13 +87,12 @@ class Moment(NamedTuple):
         """Return Δ of pairs (S,) at configurations (S,)."""
         return self._evaluated([level.outer.distance for _, level in self.layout.levels], sample, pair)
 
-    def nearness(self, sample: Rows, pair: Rows, far: float = np.inf) -> BarrierRows:
-        """Return the exact distance of the links' hulls in pairs (S,), without growth, as `rows`; beyond `far` [m] some
-        number above it. Nothing if the hulls are not known."""
+    def nearness(self, sample: Rows, pair: Rows) -> BarrierRows:
+        """Return the exact distance of the links' hulls in pairs (S,), without growth, as `rows`. Nothing if the hulls
+        are not known."""
         if not self.layout.exact:
-            sample = pair = NONE
-        distances = [functools.partial(level.nearness, far) for _, level in self.layout.levels]
-        return self._evaluated(distances, sample, pair)
+            sample = pair = NO_ROWS
+        return self._evaluated([level.nearness for _, level in self.layout.levels], sample, pair)
 
     def _evaluated(self, distances: Sequence[Distance], sample: Rows, pair: Rows) -> BarrierRows:
         """Evaluate pairs by the distance of each level."""

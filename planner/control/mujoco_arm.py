@@ -1,4 +1,4 @@
-"""An arm in MuJoCo, to execute motions without a robot: made of hdplan's robot, or of a model file that the user has.
+"""An arm in MuJoCo, to execute motions without a robot: made of hdplan's robot, or of the user's model file.
 
 The model file's joints are found by their names, and have to stand where hdplan's robot has them; each planned one
 needs a position actuator of its own. MuJoCo is imported where it is used (extra `mujoco`).
@@ -25,9 +25,9 @@ from hdplan.scenes.errors import InputError, listed
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import checked, instance, path_of
 
-ASTRAY = 0.5  # [rad] or [m] off its motion at which the execution ends
+LARGEST_ERROR = 0.5  # [rad] or [m] off its motion at which the execution ends
 SAME_AXIS = 1e-3  # [m] and [rad] by which axes of a model may differ from those of the robot
-PLACES = 5  # configurations at which they are held against each other
+COMPARED_CONFIGURATIONS = 5  # configurations at which they are held against each other
 
 
 class MuJoCoArm:
@@ -61,14 +61,14 @@ class MuJoCoArm:
 
     @classmethod
     def of(cls, scene: Scene, robot: Robot | None = None, model: str | Path | None = None) -> MuJoCoArm:
-        """Make the arm of a scene, at its start; of a job, without what is held.
+        """Return the arm of a scene, at its start; for a job, without held objects.
 
         Args:
             scene: robot, loads and start.
             robot: the scene's robot, if it is already loaded.
-            model: a MuJoCo model file (.xml) in the place of hdplan's robot.
+            model: a MuJoCo model file (.xml) in place of hdplan's robot.
 
-        Raises InputError if MuJoCo is not installed; for a robot without masses, or of which joints follow others; for
+        Raises InputError if MuJoCo is not installed; for a robot without masses, or with joints that follow others; for
         a model that cannot be read, is another robot, or has no position actuators.
         """
         instance(scene, Scene, "scene")
@@ -103,7 +103,7 @@ class MuJoCoArm:
         return (np.full_like(q, np.nan), np.full_like(v, np.nan)) if broken else (q, v)
 
     def send(self, position: Array, velocity: Array) -> None:
-        """Go on by a period, to be at a position (n,) with a velocity (n,) then."""
+        """Simulate one period, in which the drives move to a position (n,) with a velocity (n,)."""
         step = self.period / self._steps
         for left in range(self._steps - 1, -1, -1):  # the reference in the middle of each step
             self._data.ctrl[self._positions] = position - (left + 0.5) * step * velocity
@@ -120,8 +120,8 @@ class MuJoCoArm:
 
     @property
     def torques(self) -> Array:
-        """The drives' torques (k, n) [Nm] or [N] in each period since the arm was placed, before they are cut off at
-        what the drives give."""
+        """The drives' torques (k, n) [Nm] or [N] in each period since the arm was placed, before they are clipped at
+        the drives' limits."""
         return np.array(self._commanded).reshape(-1, len(self.joint_names))
 
 
@@ -134,7 +134,7 @@ def execute_in_mujoco(setup: Setup, curve: Curve, model: str | Path | None = Non
     arm = MuJoCoArm(setup, model)
     first = float(curve.times[0])
     arm.place(curve.at_time(np.array([first]))[0], curve.at_time(np.array([first]), 1)[0])
-    done = Loop(arm, ASTRAY).along(curve)
+    done = Loop(arm, LARGEST_ERROR).along(curve)
     return Execution(first + done.times, done.positions, done.errors, arm.torques, bool(done.why), done.velocity_errors)
 
 
@@ -154,7 +154,7 @@ def _read(path: Path) -> Any:
     try:
         return _mujoco().MjModel.from_xml_path(str(path))
     except (ValueError, _mujoco().FatalError) as error:
-        raise InputError(f"{path}: is no model that MuJoCo reads: {' '.join(str(error).split())}") from None
+        raise InputError(f"{path}: is not a model that MuJoCo can read: {' '.join(str(error).split())}") from None
 
 
 def _joint(model: Any, name: str, where: str) -> int:
@@ -203,7 +203,7 @@ def _drives(model: Any, joint: int, name: str, where: str) -> tuple[int, int | N
 def _same(model: Any, robot: Robot, joints: list[int], places: Array, where: str) -> None:
     """Refuse a model of which a joint does not stand and turn where the robot's does."""
     mujoco, data, own = _mujoco(), _mujoco().MjData(model), robot.model.createData()
-    for q in robot.draw(np.random.default_rng(SEED), PLACES):
+    for q in robot.draw(np.random.default_rng(SEED), COMPARED_CONFIGURATIONS):
         data.qpos[places] = q
         mujoco.mj_kinematics(model, data)
         pin.forwardKinematics(robot.model, own, robot.pin_q(q))

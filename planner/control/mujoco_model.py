@@ -25,7 +25,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
 
 SAMPLES, SEED = 100, 0  # configurations at which inertias are compared
-LEAST = 1e-9  # [kg] and [kg m²] of a body between two joints that has no mass, which MuJoCo does not take
+LEAST_MASS = 1e-9  # [kg] and [kg m²] of a body between two joints that has no mass, which MuJoCo does not take
 NEEDED = "--plant mujoco"
 
 
@@ -44,7 +44,7 @@ def mujoco_xml(setup: Setup) -> str:
     inert, most = _inertias(model, robot), _forces(setup)
     root = xml.Element("mujoco", model=robot.name)
     xml.SubElement(
-        root, "compiler", angle="radian", boundmass=f"{LEAST}", boundinertia=f"{LEAST}", balanceinertia="true"
+        root, "compiler", angle="radian", boundmass=f"{LEAST_MASS}", boundinertia=f"{LEAST_MASS}", balanceinertia="true"
     )
     xml.SubElement(root, "option", timestep=f"{STEP}", integrator="implicitfast", gravity=_words(model.gravity.linear))
     bodies = {0: xml.SubElement(root, "worldbody")}
@@ -66,12 +66,12 @@ def mujoco_xml(setup: Setup) -> str:
             joint |= {"actuatorfrcrange": _words((-most[i - 1], most[i - 1]))}
         xml.SubElement(body, "joint", joint, actuatorgravcomp="true")
         own = model.inertias[i]
-        if own.mass > LEAST:
+        if own.mass > LEAST_MASS:
             about = own.inertia
             values = (about[0, 0], about[1, 1], about[2, 2], about[0, 1], about[0, 2], about[1, 2])
             xml.SubElement(body, "inertial", mass=repr(own.mass), pos=_words(own.lever), fullinertia=_words(values))
         else:
-            xml.SubElement(body, "inertial", mass=f"{LEAST}", pos="0 0 0", diaginertia=_words(3 * (LEAST,)))
+            xml.SubElement(body, "inertial", mass=f"{LEAST_MASS}", pos="0 0 0", diaginertia=_words(3 * (LEAST_MASS,)))
         stiffness, damping = FREQUENCY**2 * inert[i - 1], 2 * FREQUENCY * inert[i - 1]
         xml.SubElement(drives, "position", name=name, joint=name, kp=repr(float(stiffness)))
         xml.SubElement(drives, "velocity", name=f"{name} speed", joint=name, kv=repr(float(damping)))

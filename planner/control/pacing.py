@@ -1,4 +1,4 @@
-"""The pace of a motion that is followed: as fast as the joints' limits of velocity, acceleration and jerk allow.
+"""The speed of a followed motion: as fast as the joints' limits of velocity, acceleration and jerk allow.
 
 A motion in time exceeds a robot's limits where these are lower than the limits of its planning. Over
 s times its duration, velocities are 1/s of theirs, accelerations 1/s², jerks 1/s³, and its curve stays the same. One
@@ -18,26 +18,26 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.scenes.array_types import Array
 
-SHARE = 0.5  # of the speed limits, at which a path without times is followed
-PEAK = 1.875  # speed of a motion of minimum jerk, times its mean
-RESERVE = 0.8  # share of the other limits for its own, the rest for what it rounds
-SMOOTH = 5  # degree of motions whose accelerations do not jump
-ROWS = 64  # beside the waypoints, so that it slows down evenly at its ends
-APART = 1e-9  # share of the way between rows, at least
-NOTICED = 1e-3  # relative, by which a motion may ask for more than the limits before it is slowed
+SPEED_SHARE = 0.5  # of the speed limits, at which a path without times is followed
+PEAK_TO_MEAN = 1.875  # speed of a motion of minimum jerk, times its mean
+LIMIT_SHARE = 0.8  # share of the other limits for its own, the rest for what it rounds
+SMOOTH_DEGREE = 5  # degree of motions whose accelerations do not jump
+EXTRA_ROWS = 64  # beside the waypoints, so that it slows down evenly at its ends
+ROW_GAP = 1e-9  # share of the way between rows, at least
+NOTICED_EXCESS = 1e-3  # relative, by which a motion may require more than the limits before it is slowed
 
 
 def paced(path: Curve, rates: Rates, duration: float = 0.0) -> Curve:
-    """Return a path with times, from rest to rest, within SHARE of the speeds and the other rates, over `duration` [s]
-    or as long as that takes."""
-    limits = SHARE * rates.velocity, RESERVE * rates.acceleration, RESERVE * rates.jerk
+    """Return a path with times, from rest to rest, within SPEED_SHARE of the speeds and the other rates, over
+    `duration` [s] or as long as that takes."""
+    limits = SPEED_SHARE * rates.velocity, LIMIT_SHARE * rates.acceleration, LIMIT_SHARE * rates.jerk
     needed = np.maximum(np.abs(np.diff(path.rows, axis=0) / limits[0]).max(axis=1), 1e-6)
     places = np.concatenate([[0.0], np.cumsum(needed)]) / needed.sum()
-    law = MinimumJerk(max(duration, PEAK * float(needed.sum())))
-    even = law(np.linspace(0.0, law.duration, ROWS))
+    law = MinimumJerk(max(duration, PEAK_TO_MEAN * float(needed.sum())))
+    even = law(np.linspace(0.0, law.duration, EXTRA_ROWS))
     law = MinimumJerk(law.duration * max(1.0, _times_as_long(_along(path.rows, places, even), limits)))
     after = np.searchsorted(places, even[0]).clip(1, len(places) - 1)
-    apart = np.minimum(np.abs(even[0] - places[after]), np.abs(even[0] - places[after - 1])) > APART
+    apart = np.minimum(np.abs(even[0] - places[after]), np.abs(even[0] - places[after - 1])) > ROW_GAP
     shares = np.sort(np.concatenate([places, even[0][apart]]))
     rows = np.stack([np.interp(shares, places, joint) for joint in path.rows.T], axis=1)
     return Curve.through(rows, law.time_at(shares))
@@ -59,17 +59,17 @@ def _along(rows: Array, places: Array, law: Array) -> tuple[Array, Array, Array]
 
 
 def slowness(motion: Curve, rates: Rates) -> float:
-    """Return how many times as long a motion with times has to take, so that it asks for no more than the rates; less
+    """Return how many times as long a motion with times has to take, so that it requires no more than the rates; less
     than 1 if it may be faster."""
     return _times_as_long(_largest(motion), (rates.velocity, rates.acceleration, rates.jerk))
 
 
 def feasible(motion: Curve, rates: Rates) -> Curve:
-    """Return a motion with times as it is, or slowed, if it asks for more than the rates."""
+    """Return a motion with times as it is, or slowed, if it requires more than the rates."""
     longer = slowness(motion, rates)
-    if longer > 1.0 + NOTICED and motion.degree < SMOOTH:
-        longer = slowness(motion, rates.scaled(RESERVE))
-    return motion if longer <= 1.0 + NOTICED else _eased(slowed(motion, longer))
+    if longer > 1.0 + NOTICED_EXCESS and motion.degree < SMOOTH_DEGREE:
+        longer = slowness(motion, rates.scaled(LIMIT_SHARE))
+    return motion if longer <= 1.0 + NOTICED_EXCESS else _eased(slowed(motion, longer))
 
 
 def slowed(motion: Curve, by: float) -> Curve:
@@ -86,11 +86,11 @@ def _eased(motion: Curve) -> Curve:
     rows, times = motion.rows, motion.times
     if len(rows) == 2:
         rows, times = (np.stack([each[0], 0.5 * (each[0] + each[1]), each[1]]) for each in (rows, times))
-    ramp = np.linspace(0.0, 1.0, ROWS)
-    way, duration = 2.0 * MinimumJerk(2.0)(1.0 + ramp)[0] - 1.0, PEAK * ramp  # the second half, from full speed
+    ramp = np.linspace(0.0, 1.0, EXTRA_ROWS)
+    way, duration = 2.0 * MinimumJerk(2.0)(1.0 + ramp)[0] - 1.0, PEAK_TO_MEAN * ramp  # the second half, from full speed
     first, last = np.diff(rows[:2], axis=0), np.diff(rows[-2:], axis=0)
     into, out = (1.0 - way[::-1])[:, None] * first, way[:, None] * last
-    inner, width = times[1:-1] - times[1] + times[0] + PEAK * (times[1] - times[0]), times[-1] - times[-2]
+    inner, width = times[1:-1] - times[1] + times[0] + PEAK_TO_MEAN * (times[1] - times[0]), times[-1] - times[-2]
     return Curve.through(
         np.concatenate([rows[0] + into[:-1], rows[1:-1], rows[-2] + out[1:]]),
         np.concatenate([times[0] + (times[1] - times[0]) * duration[:-1], inner, inner[-1] + width * duration[1:]]),

@@ -81,12 +81,12 @@ class PairLevel:
         unique, row = np.unique(first * len(self._solids) + second, return_inverse=True)
         chosen = np.column_stack(np.divmod(unique, len(self._solids)))
         pairs = body_pairs(self._hulls, self._solids, chosen, 0.0, self._supports)
-        distance = ExactPairs(pairs, self._hulls, self._solids)
+        distance = ExactPairs(pairs, self._hulls, self._solids, far=np.inf)
         return Hulls(distance, row, _barrier(distance))
 
-    def nearness(self, far: float, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
-        """Return the exact distance of the hulls, as a `PairDistance`; beyond `far` [m] some number above it."""
-        return self.hulls.distance.up_to(far, kinematics, sample, self.hulls.row[pair])
+    def nearness(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
+        """Return the exact distance of the hulls, as a `PairDistance`."""
+        return self.hulls.distance(kinematics, sample, self.hulls.row[pair])
 
 
 def _barrier(distance: PairDistance) -> Record | None:
@@ -113,4 +113,4 @@ def _distance(
             return ExactPairs(pairs, bodies, others, far=np.inf)
         case "gdf":
             return GdfPairs(pairs, bodies, others)
-    raise ValueError(f"no distance is known as {settings.distance!r}")
+    raise ValueError(f"unknown distance {settings.distance!r}")

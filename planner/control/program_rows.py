@@ -1,4 +1,4 @@
-"""The rows of the controller's program: what every pair of bodies asks of the velocity u of the next period.
+"""The rows of the controller's program: the constraint of every pair of bodies on the velocity u of the next period.
 
 Where the robot would come to rest if it braked now, q_s at t_s, a pair with distance Δ and margin δ asks, by its
 derivatives there,
@@ -29,7 +29,8 @@ from hdplan.planner.control.quadratic_program import SoftConstraints
 from hdplan.scenes.array_types import Array, Mask, Rows
 
 NEAR_DISTANCE = 0.01  # [m] below which the exact distance of a pair that is inside its margin must not fall
-COMING, RECOVERING = 1e3, 30.0  # weights of violations, for moving obstacles and for recovery to a margin [s/m or s]
+MOVING_WEIGHT = 1e3  # [s/m] of violations for moving obstacles
+RECOVERY_WEIGHT = 30.0  # [s/m or s] of violations for recovery to a margin
 NEAR_MOVING = 0.01  # [m] from a moving obstacle, below which its weight is constant
 
 
@@ -51,7 +52,7 @@ def pair_constraints(constraint: BarrierConstraint, gains: Array, base: Array, c
     target = begun - constraint.rates * constraint.slack - constraint.rows.drift
     floor = np.where(constraint.free, -np.inf, np.minimum(target, begun))
     urgency = NEAR_MOVING / np.maximum(constraint.rows.separation, NEAR_MOVING)
-    return SoftConstraints(matrix, target, floor, np.where(coming, COMING * urgency, RECOVERING))
+    return SoftConstraints(matrix, target, floor, np.where(coming, MOVING_WEIGHT * urgency, RECOVERY_WEIGHT))
 
 
 def joint_constraints(beyond: Array, above: Mask, fastest: Array, base: Array) -> SoftConstraints:
@@ -60,4 +61,4 @@ def joint_constraints(beyond: Array, above: Mask, fastest: Array, base: Array) -
     joints = np.flatnonzero(beyond > 0.0)
     matrix = np.eye(len(beyond))[joints] * np.where(above, -1.0, 1.0)[joints, None]
     target = np.minimum(beyond, fastest)[joints]
-    return SoftConstraints(matrix, target, np.minimum(target, matrix @ base), np.full(len(joints), RECOVERING))
+    return SoftConstraints(matrix, target, np.minimum(target, matrix @ base), np.full(len(joints), RECOVERY_WEIGHT))

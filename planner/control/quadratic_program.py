@@ -5,25 +5,34 @@
 If no velocity meets every target, a row still keeps its floor, floor_k ≤ target_k, and its shortfall s_k from the
 target has a weight:
 
-    minimize ½ uᵀ H u + fᵀ u + ½ Σ (weight_k s_k)²    subject to    a_k·u ≥ floor_k,   a_k·u + s_k ≥ target_k    (2)
+    minimize φ(u) = ½ uᵀ H u + fᵀ u + ½ Σ (weight_k max(0, target_k − a_k·u))²    subject to    a_k·u ≥ floor_k    (2)
 
 so that (1) is solved exactly if it is feasible, and otherwise (2) favours the rows of the greatest weight. A row with
 floor = target is a hard constraint, one with floor = −∞ a purely soft one. (2) is feasible if some velocity keeps every
 floor: with box and floors around 0, standing still does.
+
+φ is convex, and quadratic wherever the same rows are missed: Newton's method with an exact line search reaches the
+optimum in finitely many steps, each a program in u alone. (With a variable for each shortfall, DAQP took 200 ms where
+800 rows could be missed, 30 times as long.)
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from typing import NamedTuple
 
 import daqp
 import numpy as np
+from numpy.typing import NDArray
 
 from hdplan.scenes.array_types import Array
 
-VANISHED = 1e-12  # shorter rows are left out: no velocity changes them
+SHORTEST_ROW = 1e-12  # shorter rows are left out: no velocity changes them
 UNBOUNDED = 1e30  # DAQP's infinity
+STEPS = 100  # of Newton's method, at most; it takes 1 to 5
 SOLVED = (1, 2)  # DAQP's exit flags of a solution, exact or to its tolerance
+
+Bounds = tuple[Array, Array, Array, NDArray[np.int32]]  # rows, greatest and least values of u and rows, kinds
 
 
 class SoftConstraints(NamedTuple):
@@ -49,40 +58,63 @@ def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, constr
     length = np.linalg.norm(matrix, axis=1)
     # rows that no velocity within the box can violate are left out, which is exact and most of them
     least = np.minimum(matrix * low, matrix * high).sum(axis=1)
-    kept = (least < target) & (length > VANISHED)
+    kept = (least < target) & (length > SHORTEST_ROW)
     length = length[kept]
     matrix, target, floor = matrix[kept] / length[:, None], target[kept] / length, floor[kept] / length
-    found = _solved(hessian, linear, matrix, low, high, target)
+    found = _solved(hessian, linear, _bounded(matrix, low, high, target))
     if found is not None:
         return np.clip(found, low, high)  # DAQP's bounds hold to 1e-12
-    weight = weight[kept] * length
-    n, gives = len(linear), floor < target
-    count = int(gives.sum())
-    # (2) in u and weight · s; each weighted row is scaled so that its coefficients are at most 1
-    scale = np.maximum(weight[gives], 1.0)
-    weighted = np.hstack([matrix[gives] * (weight[gives] / scale)[:, None], np.diag(1.0 / scale)])
-    floors = np.hstack([matrix, np.zeros((len(matrix), count))])
+    gives = floor < target
+    weight = (weight[kept] * length)[gives]
     firm = np.isfinite(floor)
-    both = np.zeros((n + count, n + count))
-    both[:n, :n], both[n:, n:] = hessian, np.eye(count)
-    found = _solved(
-        both,
-        np.append(linear, np.zeros(count)),
-        np.concatenate([floors[firm], weighted]),
-        np.append(low, np.zeros(count)),
-        np.append(high, np.full(count, UNBOUNDED)),
-        np.concatenate([floor[firm], target[gives] * weight[gives] / scale]),
-    )
-    return None if found is None else np.clip(found[:n], low, high)
+    within = _bounded(matrix[firm], low, high, floor[firm])
+    found = _least_missed(hessian, linear, matrix[gives] * weight[:, None], target[gives] * weight, within)
+    return None if found is None else np.clip(found, low, high)
 
 
-def _solved(hessian: Array, linear: Array, matrix: Array, low: Array, high: Array, bound: Array) -> Array | None:
-    solution, _, flag, _ = daqp.solve(
-        hessian,
-        linear,
-        np.ascontiguousarray(matrix),
-        np.append(high, np.full(len(matrix), UNBOUNDED)),
-        np.append(low, bound),
-        np.zeros(len(low) + len(matrix), dtype=np.int32),
-    )
+def _least_missed(hessian: Array, linear: Array, weighted: Array, wanted: Array, within: Bounds) -> Array | None:
+    """Return the solution (n,) of (2), with weighted rows weight · a (m, n), wanted: weight · target (m,); None if
+    no velocity is within the floors."""
+    u = _solved(hessian, linear, within)
+    if u is None:
+        return None
+    for _ in range(STEPS):
+        missed = weighted @ u < wanted
+        active = weighted[missed]
+        found = _solved(hessian + active.T @ active, linear - active.T @ wanted[missed], within)
+        if found is None or ((weighted @ found < wanted) == missed).all():
+            return u if found is None else found
+        step = found - u
+        slope, curvature = float((hessian @ u + linear) @ step), float(step @ hessian @ step)
+        share = _lowest(slope, curvature, wanted - weighted @ u, weighted @ step)
+        if share == 0.0:  # rows that are met exactly are missed by rounding
+            return u
+        u = u + share * step
+    return u
+
+
+def _lowest(slope: float, curvature: float, missing: Array, gained: Array) -> float:
+    """Return the t from 0 to 1 at which slope t + ½ curvature t² + ½ Σ max(0, missing − t gained)² is least."""
+
+    def derivative(t: float) -> float:
+        return slope + t * curvature - float(np.maximum(missing - t * gained, 0.0) @ gained)
+
+    ends = np.divide(missing, gained, out=np.zeros_like(missing), where=gained != 0.0)  # of quadratic pieces
+    pieces: list[float] = [0.0, *np.unique(ends[(ends > 0.0) & (ends < 1.0)]).tolist(), 1.0]
+    after = bisect_left(pieces, 0.0, key=derivative)
+    if after in (0, len(pieces)):
+        return min(float(after), 1.0)
+    first, last = pieces[after - 1 : after + 1]
+    falls, rises = derivative(first), derivative(last)
+    return first + (last - first) * falls / (falls - rises)
+
+
+def _bounded(matrix: Array, low: Array, high: Array, bound: Array) -> Bounds:
+    """Return low ≤ u ≤ high, matrix · u ≥ bound as DAQP takes it."""
+    upper = np.concatenate([high, np.full(len(matrix), UNBOUNDED)])
+    return np.ascontiguousarray(matrix), upper, np.concatenate([low, bound]), np.zeros(len(upper), dtype=np.int32)
+
+
+def _solved(hessian: Array, linear: Array, within: Bounds) -> Array | None:
+    solution, _, flag, _ = daqp.solve(hessian, linear, *within)
     return np.array(solution) if flag in SOLVED else None

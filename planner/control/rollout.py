@@ -25,6 +25,8 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.values import Number, checked, instance
 
+FAST = 5.0  # [Hz] of commands that shake the robot
+
 
 @dataclass(frozen=True, eq=False)
 class Run:
@@ -44,7 +46,7 @@ class Run:
     after: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (B, n) the places where it then brakes until rest
 
     def __repr__(self) -> str:
-        """Say how long it is, and whether it completed its task."""
+        """Return its duration and whether it completed its task, for display."""
         met = "task not completed" if self.met is None else f"task completed at {self.met:g} s"
         return f"<Run: {len(self.modes)} periods of {self.period:g} s, {met}>"
 
@@ -140,8 +142,8 @@ def total_variation(commands: Array) -> float:
     return float(np.abs(np.diff(commands, axis=0)).sum())
 
 
-def fast_energy(commands: Array, period: float, above: float = 5.0) -> float:
-    """Return the energy ∫ |u|² dt of commands (N,) or (N, n) at frequencies over `above` [Hz]: [rad²/s].
+def fast_energy(commands: Array, period: float) -> float:
+    """Return the energy ∫ |u|² dt of commands (N,) or (N, n) at frequencies above FAST: [rad²/s].
 
     By Parseval's theorem, after subtracting the straight line from the first to the last command, so that the step
     between the ends does not count.
@@ -151,7 +153,7 @@ def fast_energy(commands: Array, period: float, above: float = 5.0) -> float:
         return 0.0
     line = np.linspace(values[0], values[-1], len(values))
     spectrum = np.fft.rfft(values - line, axis=0)
-    fast = np.fft.rfftfreq(len(values), period) > above
+    fast = np.fft.rfftfreq(len(values), period) > FAST
     twice = np.full(len(spectrum), 2.0)  # a real signal's spectrum counts twice, except at its ends
     twice[0] = 1.0
     if len(values) % 2 == 0:

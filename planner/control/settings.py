@@ -46,13 +46,13 @@ class ControlSettings(Checked):
 
     @property
     def clearance(self) -> float | None:
-        """True clearance [m] to obstacles that Δ ≥ δ proves at a sample, whatever their planes; for those of a scene
+        """True clearance [m] to obstacles that Δ ≥ δ proves at a sample, for all planes; for those of a scene
         `Barriers.clearance` proves more. None if nothing is proven."""
         return self._proven(self.margin, self.barriers.growth)
 
     @property
     def self_clearance(self) -> float | None:
-        """The same between links."""
+        """True clearance [m] between links that Δ ≥ δ proves at a sample; None if nothing is proven."""
         return self._proven(self.self_margin, self.barriers.self_growth)
 
     def _proven(self, margin: float, growth: float) -> float | None:

@@ -15,7 +15,7 @@ import numpy as np
 from hdplan.planner.control.barrier_safety import straightened, sufficient_separation
 from hdplan.planner.control.barriers import Barriers
 from hdplan.planner.control.lows import Floors, Shaping, lows_among, lows_of_hulls
-from hdplan.planner.control.moment import NONE, BarrierRows
+from hdplan.planner.control.moment import NO_ROWS, BarrierRows
 from hdplan.planner.control.program_rows import NEAR_DISTANCE, BarrierConstraint
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.window import Window
@@ -23,8 +23,8 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
 
 AT_REST = 10.0  # times η: the rate where the robot would come to rest, for pairs outside their margins
-CLOSELY = 5e-3  # [m] of travel between exact distances on the way to rest
-FREE = 1e-9  # share of a rate that leaves no row a bound: in place of 0, so that numbers stay finite
+EXACT_SPACING = 5e-3  # [m] of travel between exact distances on the way to rest
+UNBOUND_RATE = 1e-9  # share of a rate that leaves no row a bound: in place of 0, so that numbers stay finite
 
 
 class Seen(NamedTuple):
@@ -62,7 +62,7 @@ class Sight:
             )
 
     def look(self, window: Window, time: float) -> Seen:
-        """Return what is seen at the beginning of a period [s]."""
+        """Return the sight at the beginning of a period [s]."""
         barriers, rate = self.barriers, self.settings.rate
         path = window.stopping[[0, -1]] if len(window.stopping) > 1 else window.stopping
         times = time + self.settings.period * np.linspace(0.0, len(window.stopping) - 1, len(path))
@@ -70,7 +70,7 @@ class Sight:
         pairs = moment.within(self.horizon)
         found = moment.rows(np.repeat(np.arange(len(path)), len(pairs)), np.tile(pairs, len(path)))
         here, rest = found.part(slice(0, len(pairs))), found.part(slice(last * len(pairs), None))
-        inside = NONE
+        inside = NO_ROWS
         if self.settings.look_ahead:
             inside = pairs[np.minimum(here.value, rest.value) < self.margins[pairs]]
         near = moment.nearness(np.full(len(inside), last), inside)
@@ -119,9 +119,9 @@ class Sight:
 
     def closely(self, path: Array) -> Rows:
         """Return the samples of a path (k, n) at which exact distances are computed: the first, the last, and whenever
-        the robot has moved on by CLOSELY."""
+        the robot has moved on by EXACT_SPACING."""
         travel = np.abs(path[1:] - path[:-1]) @ self.barriers.levers
-        marks = np.floor(np.concatenate([[0.0], travel.cumsum()]) / CLOSELY)
+        marks = np.floor(np.concatenate([[0.0], travel.cumsum()]) / EXACT_SPACING)
         chosen = np.append(True, marks[1:] > marks[:-1])
         chosen[-1] = True
         return np.flatnonzero(chosen)
@@ -133,7 +133,7 @@ class Sight:
         """Return the rate of each row [1/s]: η, and for what stands still as in the controller's equation."""
         share = np.minimum(np.maximum(rows.separation, 0.0) / self.horizon, 1.0)
         rate = np.where(self.barriers.coming[pairs], self._yielding, self.settings.rate)
-        return rate / np.where(self.barriers.standing[pairs], np.maximum(1.0 - share**2, FREE), 1.0)
+        return rate / np.where(self.barriers.standing[pairs], np.maximum(1.0 - share**2, UNBOUND_RATE), 1.0)
 
 
 @functools.lru_cache(maxsize=64)

@@ -1,4 +1,4 @@
-"""A planned motion replayed: what the file commands, and, if the scene has torque limits, what the robot then does.
+"""A planned motion replayed: the file's commands, and, if the scene has torque limits, the robot's response.
 
 Scene and trajectory -> `Simulation`. Without `limits.torque` the replay is kinematic: the file is sampled as a
 controller would, a thousand times a second by its own interpolation rule. With it the robot and its loads are simulated
@@ -33,8 +33,8 @@ CLEARANCE_STEP = 0.01  # [s] between configurations at which the clearance is co
 LONGEST_MOTION = 3600.0  # [s] that a motion may take: the rows of all steps are kept
 PATH_SAMPLES = 1000  # of a path without times
 ROUNDING = 1e-6  # relative, by which a rate may exceed its limit
-SATURATED = 1e-3  # relative, by which a commanded torque may exceed its limit, due to the controller's time steps
-JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller notices
+TORQUE_EXCESS = 1e-3  # relative, by which a commanded torque may exceed its limit, due to the controller's time steps
+UNNOTICED_JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller notices
 
 Plant = Callable[[Setup, Curve], Execution]
 """Executes a curve with times of a scene's robot."""
@@ -121,7 +121,7 @@ class Simulation:
         return None if done is None else measured_tracking(done.errors, done.velocity_errors)
 
     def summary(self) -> dict[str, Any]:
-        """Return the same as one JSON object: SI units; null where the scene has no such limit."""
+        """Return all of it as one JSON object: SI units; null where the scene has no such limit."""
         return {
             "status": "succeeded" if self.succeeded else "failed",
             "text": self.text,
@@ -248,7 +248,7 @@ def _rates(setup: Setup, curve: Curve, order: int, times: Array, limit: Array | 
     jumps = curve.over_time(order - 1).jumps(*around) if order > 1 else np.zeros((len(curve), values.shape[1]))
     for joint, column in enumerate(values.T):
         bound = None if limit is None else float(limit[joint])
-        if jumps[:, joint].max() > JUMP:
+        if jumps[:, joint].max() > UNNOTICED_JUMP:
             row = int(jumps[:, joint].argmax())
             yield Peak(float("inf"), bound, float(curve.time_of(row / (len(curve) - 1))))
         else:
@@ -274,10 +274,11 @@ def _closest(certifier: Certifier, positions: Array, times: Array) -> tuple[Clos
 
 
 def _overloaded(execution: Execution, limits: Array | None, robot: Robot) -> Iterator[str]:
-    """Say where the commanded torque first exceeds a limit, if there is one, and whether tracking is lost."""
+    """Return, in words, where the commanded torque first exceeds a limit, if there is one, and whether tracking is
+    lost."""
     if (
         limits is not None
-        and (over := (shares := np.abs(execution.commanded) / limits).max(axis=1) > 1 + SATURATED).any()
+        and (over := (shares := np.abs(execution.commanded) / limits).max(axis=1) > 1 + TORQUE_EXCESS).any()
     ):
         row = int(over.argmax())
         joint = int(shares[row].argmax())
@@ -292,7 +293,7 @@ def _overloaded(execution: Execution, limits: Array | None, robot: Robot) -> Ite
 
 
 def _off(execution: Execution, setup: Setup) -> Iterator[str]:
-    """Say which joint is farther off than the scene has it: what is proven is proven for less."""
+    """Return, in words, which joint is farther off than the scene's tracking error, for which the proof holds."""
     lag = setup.scene.robot.tracking
     for name, errors in (("position", execution.errors), ("velocity", execution.velocity_errors)):
         if lag is None or not getattr(lag, name):

@@ -7,7 +7,7 @@ farthest place p on that way, in each direction: with u_b the velocity that begi
     u ≤ u_b + (u_high − u_b) · min(1, η T (q_max − p) / (p_high − p)),
 
 so that p comes closer to its limit by no more than a share η T of what is left, as p is convex in u. Braking is always
-within the box: the program has a solution for ever, and no joint limit, speed or acceleration asks for what another
+within the box: the program has a solution for ever, and no joint limit, speed or acceleration requires what another
 forbids.
 """
 

@@ -11,7 +11,7 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import ReadOnly, made_once
 
-LINE = 0.05  # share of a group's largest spread; with the second one below it, the points lie on a line
+LINE_SHARE = 0.05  # share of a group's largest spread; with the second one below it, the points lie on a line
 MOST_CELLS = 2**20  # along an axis, so that a cell's three numbers fit into one
 
 
@@ -65,7 +65,7 @@ def _axes(spread: Array, principal: Array) -> Array:
     along = edge - np.einsum("ci,ci->c", edge, normal)[:, None] * normal
     along /= np.linalg.norm(along, axis=1, keepdims=True)  # at least √(2/3): the edge is the least along the normal
     axes = np.stack([normal, along, np.cross(normal, along)], axis=2)
-    line = spread[:, 1] < LINE * spread[:, 2]
+    line = spread[:, 1] < LINE_SHARE * spread[:, 2]
     axes[line] = principal[line]
     axes[line, :, 0] *= np.sign(np.linalg.det(axes[line]))[:, None]
     return axes

@@ -1,4 +1,4 @@
-"""Clouds of points as the balls that they stand for, as they are or merged for planning.
+"""Clouds of points as balls, unchanged or merged for planning.
 
 Merging never makes the obstacle smaller: the balls of points in one cube of edge `voxel` become one ball, about the
 middle of the points' bounding box, that contains them.
@@ -87,8 +87,8 @@ def _swollen(balls: FixedArray, radius: float | FixedArray) -> FixedArray:
 
 
 def left_out_words(requested: Cloud, read: Cloud) -> str:
-    """Say which points of a cloud, as the scene has it and as it was read, were left out in reading: those that are not
-    finite, or of an image those out of its range; empty if none were."""
+    """Return a note on the points of a cloud that were left out in reading: those that are not finite, or pixels out of
+    an image's range; empty if none were."""
     count = read.points.left_out if isinstance(read.points, FixedArray) else 0
     if not count:
         return ""

@@ -1,4 +1,4 @@
-"""Depth images as balls: what each pixel saw, enclosed.
+"""Depth images as balls, which enclose the surface that each pixel saw.
 
 A pixel at p, with neighbours on the same surface at p ± a along a row and p ± b along a column, sees the parallelogram
 p ± a/2 ± b/2, and parallelograms of neighbours leave no hole between them. Its ball contains it:

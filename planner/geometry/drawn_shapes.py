@@ -37,7 +37,8 @@ def drawn_capsule(radius: float, length: float) -> TriangleMesh:
 
 
 def _turned(profile: Array) -> TriangleMesh:
-    """Return what a profile (k, 2) of radii and heights [m] sweeps about the z axis, its ends on the axis, upward."""
+    """Return the surface of revolution of a profile (k, 2) of radii and heights [m] about the z axis, its ends on the
+    axis, upward."""
     turns = 2 * np.pi * np.arange(SECTIONS) / SECTIONS
     rings = profile[1:-1]
     round_about = np.stack([np.cos(turns), np.sin(turns)], axis=1)

@@ -121,7 +121,7 @@ def _beside(path: Path) -> Callable[[str], bytes]:
 
 
 def read_scene(data: bytes, path: Path, on_reference: Callable[[str], object]) -> trimesh.Scene:
-    """Return what trimesh reads from a mesh file's content, without warnings: its parts with their placements and
+    """Return a mesh file's content as trimesh reads it, without warnings: its parts with their placements and
     colours. `on_reference` is called with the names of the files beside it that hold more, as they are wanted.
 
     Only for drawing a file that `read_mesh_file` has accepted, as trimesh overlooks much damage.

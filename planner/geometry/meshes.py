@@ -1,4 +1,4 @@
-"""Triangle meshes: read from files, split into connected parts, and tested for what is inside.
+"""Triangle meshes: read from files, split into connected parts, and tested for points inside.
 
 A mesh file → vertices (m, 3) [m] and triangles (F, 3), merged into one mesh and checked: it has triangles, its numbers
 are finite and it is not flat.
@@ -20,7 +20,7 @@ from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.shapes import Mesh
 
-CONVEX = 1e-3  # a solid that lacks less than this part of its hull's volume is replaced by its hull, which contains it
+CONVEX_GAP = 1e-3  # share of its hull's volume; a solid that lacks less is replaced by its hull, which contains it
 LARGEST_COORDINATE = 1e6  # [m] beyond which distances are lost in rounding
 FLAT_RATIO = 1e-6  # a mesh thinner than this part of its length encloses nothing but rounding errors
 
@@ -92,7 +92,7 @@ class TriangleMesh(ReadOnly):
 
     def fills(self, volume: float) -> bool:
         """True if the mesh is closed and as large as a hull of this `volume` [m³], up to the part `CONVEX` of it."""
-        return self.closed and abs(self.volume) >= (1.0 - CONVEX) * volume > 0.0
+        return self.closed and abs(self.volume) >= (1.0 - CONVEX_GAP) * volume > 0.0
 
     def components(self) -> tuple[TriangleMesh, ...]:
         """Split the mesh into the parts that share no vertex."""

@@ -1,5 +1,5 @@
-"""The one door to the files of shapes: meshes, clouds, depth images and maps are opened here, where a scene and its
-robot become a `Setup`, and nowhere behind it.
+"""The files of shapes: meshes, clouds, depth images and maps are opened here, when a scene and its robot become a
+`Setup`, and nowhere else.
 
 Scene -> the same scene with the content of every shape in memory: triangles, balls, cells. Whoever plans, judges or
 draws then works with one and the same content, also when a file changes meanwhile.

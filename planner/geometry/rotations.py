@@ -1,5 +1,5 @@
-"""Rotation matrices, rotation vectors and unit quaternions, many at once, in NumPy: SciPy's take longer to import than
-a whole motion does to plan.
+"""Rotation matrices, rotation vectors and unit quaternions, many at once, in NumPy: importing SciPy's takes longer than
+planning a whole motion.
 
 Quaternions (x, y, z, w) go between the two others, as they are exact to rounding at no turn and at half a turn, too
 (Markley, "Unit quaternion from rotation matrix", 2008).

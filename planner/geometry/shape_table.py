@@ -75,7 +75,7 @@ def operations(shape: Shape) -> Operations:
     kind without one, or with fields that it does not know."""
     row, known = TABLE.get(type(shape)), own_fields(shape)
     if row is None or row.fields != " ".join(known):
-        raise TypeError(f"nothing is known of the shape {type(shape).__name__} with {', '.join(known)}")
+        raise TypeError(f"unknown shape {type(shape).__name__} with {', '.join(known)}")
     return row
 
 

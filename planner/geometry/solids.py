@@ -1,4 +1,4 @@
-"""The inside of a mesh, whatever the orientation of its triangles: solid, hollow, inside out, open, in several
+"""The inside of a mesh, for any orientation of its triangles: solid, hollow, inside out, open, in several
 parts.
 
 The winding number w(x) of a closed mesh, the sum of its triangles' signed solid angles over 4π, is an integer that

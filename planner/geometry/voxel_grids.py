@@ -40,7 +40,7 @@ def _read_map(shape: Map, stamps: Stamps) -> Map:
         case Voxels(Path() as file):
             return replace(shape, occupied=FixedArray(_read(file)))
         case _:
-            raise TypeError(f"a {type(shape).__name__} is no map with a file")
+            raise TypeError(f"a {type(shape).__name__} is not a map with a file")
 
 
 def map_words(shape: Map) -> str:

@@ -1,4 +1,4 @@
-"""The path of motions that overlap, timed anew.
+"""The path of overlapping motions, timed again.
 
 Two motions that add up keep their own laws: limits then hold on the sum only where both are slow, so that they can
 overlap for a while alone. Here nothing of them is kept but their path, and that is driven as quickly as the limits
@@ -17,12 +17,11 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import smooth
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.planner.timing.time_optimal import grid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 
 COUNTS = (30, 60, 120)  # configurations on a path when it is drawn
-FINE = 8  # places where each interval between rows is measured
+PLACES_PER_INTERVAL = 8  # places where each interval between rows is measured
 
 
 def timed_anew(
@@ -36,7 +35,7 @@ def timed_anew(
     allow. What raises once time is up, `in_time`, is called before each."""
     retimer, found = Retimer(setup), []
     for motion, marks in motions:
-        curve, places = motion.curve, np.linspace(0.0, 1.0, FINE * len(motion))
+        curve, places = motion.curve, np.linspace(0.0, 1.0, PLACES_PER_INTERVAL * len(motion))
         steps = np.linalg.norm(np.diff(curve.at_parameter(places), axis=0), axis=1)
         length = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
         shares = np.interp(curve.parameter_of(np.asarray(marks)), places, length)
@@ -54,7 +53,7 @@ def timed_anew(
 def _along(retimer: Retimer, path: Trajectory, shares: Array, speeds: Array) -> tuple[Trajectory, list[float]] | None:
     """Return the quickest motion along a path, and the times of those of its rows that are nearest to shares of it, at
     which stages with these speeds begin; None where there is none, or no row for each stage."""
-    paced = retimer.with_shares(speeds[np.searchsorted(shares[1:], grid(), side="right")])
+    paced = retimer.with_speeds(speeds, shares[1:])
     try:
         timed = paced.along(path, smooth(path.positions))
     except HdplanError:

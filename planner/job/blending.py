@@ -1,4 +1,4 @@
-"""Stages of a job that go over into one another without a stop: their planned motions, as one.
+"""Stages of a job that pass into one another without a stop: their planned motions, as one.
 
 Curves that are blended into one another are timed as one motion from rest to rest along all of them (`compound`). Where
 a move is one of the two, they are blended by their timing: the second begins a while before the first has ended, and
@@ -7,7 +7,7 @@ in the meantime both add up,
     q(t) = q₁(t) + q₂(t − T₁ + τ) − q,    q where the first ends and the second begins,
 
 with the longest τ for which the link stays within the radius, and the limits hold, for which moves may be slowed; a
-shorter one, where that does not lead to a certificate. Where the path of such a sum, timed anew (`timed_anew`), is
+shorter one, where that does not lead to a certificate. Where the path of such a sum, timed again (`timed_anew`), is
 driven sooner, and certified, it takes its place. The marks of stages are at the middles of the blends; each is
 certified as it is driven.
 """
@@ -25,7 +25,7 @@ from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.job.anew import timed_anew
 from hdplan.planner.job.blends import UnblendedError, quintic
 from hdplan.planner.job.certify import Proven, certified_stage
-from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Arc, Driven, Path, parts_of
+from hdplan.planner.job.compound import LEAST_ROWS, MOST_ROWS, ROWS, Arc, Driven, Path, parts_of
 from hdplan.planner.job.curves import corner_of, leg_of, link_of, radius_link, settled
 from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.joining import Piece, exactly_timed, one_after_other
@@ -39,8 +39,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.planner.timing.time_optimal import grid
-from hdplan.planner.timing.tool_limit import Pace, ToolLimit
+from hdplan.planner.timing.tool_limit import ToolLimit, ToolRates
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Circle, Curve
 from hdplan.scenes.errors import HdplanError, InputError
@@ -51,12 +50,12 @@ from hdplan.scenes.stage import ArmStage
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 
-SHARES = (1.0, 0.6, 0.3, 0.1)  # of the longest overlap of two motions
-SLOWER = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5)  # times as long as they would take, of moves
-FINER = (1, 4, 12)  # times as many configurations along curves
+OVERLAP_SHARES = (1.0, 0.6, 0.3, 0.1)  # of the longest overlap of two motions
+TIME_FACTORS = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5)  # times as long as they would take, of moves
+DENSITY_FACTORS = (1, 4, 12)  # times as many configurations along curves
 ROUNDING = 1e-9  # of a limit
-SNAP = 1e-4  # [s] least distance of an inserted row from others: rounding would count in accelerations
-BEYOND = 0.2  # share of half a blend for which a pace is planned beyond its middle
+LEAST_ROW_GAP = 1e-4  # [s] least distance of an inserted row from others: rounding would count in accelerations
+BEYOND_MIDDLE = 0.2  # share of half a blend for which a part's tool rates are planned beyond its middle
 STEPS = 8  # of looking for a row
 
 
@@ -123,7 +122,7 @@ def _as_one(world: World, group: range, pieces: Sequence[Piece], late: Late) -> 
         if reason := late():
             raise NotBlendedError(reason)
 
-    for finer in FINER if len(runs) < len(group) else FINER[:1]:
+    for finer in DENSITY_FACTORS if len(runs) < len(group) else DENSITY_FACTORS[:1]:
         in_time()
         try:
             units = [_unit(worlds, run, pieces, run[0] - group[0], finer) for run in runs]
@@ -162,16 +161,17 @@ def _ways(
     overlaps: Sequence[float],
     in_time: Callable[[], None],
 ) -> Iterator[list[Trajectory]]:
-    """Yield the motions of all stages: where units overlap, first along their sums, timed anew, from units that are not
-    slowed, and then these sums, the longest overlaps first; shorter ones lead to a certificate where these do not."""
+    """Yield the motions of all stages: where units overlap, first along their sums, timed again, from units that are
+    not slowed, and then these sums, the longest overlaps first; shorter ones lead to a certificate where these do
+    not."""
     if overlaps:
         yield from _sooner(worlds, group, runs, apart, _added(units, overlaps)[0], in_time)
-    for share in SHARES if overlaps else SHARES[:1]:
+    for share in OVERLAP_SHARES if overlaps else OVERLAP_SHARES[:1]:
         yield _cut(*_added(units, [share * each for each in overlaps]))
 
 
 def _worlds(world: World, group: range, pieces: Sequence[Piece]) -> list[World]:
-    """Return what there is before each stage, curves beginning where the ones before would have late."""
+    """Return the world before each stage; a curve begins where the stage before would have ended."""
     assert world.scene.job is not None
     found, stages = [], world.scene.job.stages
     for number, piece in zip(group, pieces, strict=True):
@@ -214,7 +214,7 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
     path = Path(robot, driven[0].link, driven[0].leg.free, parts)
     setup = _as_one_motion(world, run)
     cuts = path.cuts
-    count = int(np.clip(np.ceil(ROWS * cuts[-1] / max(path.shortest, 1e-9)), FEWEST, MOST)) * finer
+    count = int(np.clip(np.ceil(ROWS * cuts[-1] / max(path.shortest, 1e-9)), LEAST_ROWS, MOST_ROWS)) * finer
     ends = pieces[0].motion.positions[0], pieces[-1].motion.positions[-1]  # exact: other stages begin there
     motions, marks, begins, retimer = [], [0.0], 0.0, Retimer(setup)
     speeds = np.array([stage.speed for stage in stages])
@@ -226,10 +226,10 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
         )
         waypoints = Trajectory(robot.joint_names, rows, robot.locked)
         drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
-        paces = _paces(path, driven, first, last)
-        rated = any(each is not None for pace in paces for each in (pace.speed, pace.acceleration))
-        paced = (retimer.with_limit(ToolLimit(robot, path.link, paces)) if rated else retimer).with_shares(
-            speeds[np.searchsorted(path.middles, first + grid() * (last - first), side="right")]
+        rates = _tool_rates(path, driven, first, last)
+        rated = any(each is not None for rate in rates for each in (rate.speed, rate.acceleration))
+        paced = (retimer.with_limit(ToolLimit(robot, path.link, rates)) if rated else retimer).with_speeds(
+            speeds, np.asarray(path.middles), first, last
         )
         timed = paced.along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))
         motion = in_step(timed.trajectory, _rate(world))
@@ -253,18 +253,20 @@ def _from_to(rows: Array, begins: Array | None, ends: Array | None) -> Array:
     return np.asarray(rows + off + (0.0 if ends is None else faded * (ends - rows[-1])))
 
 
-def _paces(path: Path, driven: Sequence[Driven], first: float, last: float) -> list[Pace]:
-    """Return the paces of a path between two lengths of it: each stage's from the middle of the blend before it to that
-    of the blend after it, planned for a little beyond both, as the law's averaging blurs where one ends."""
+def _tool_rates(path: Path, driven: Sequence[Driven], first: float, last: float) -> list[ToolRates]:
+    """Return the tool rates of a path between two lengths of it: each stage's from the middle of the blend before it to
+    that of the blend after it, planned for a little beyond both, as the law's averaging blurs where one ends."""
     found, middles = [], [0.0, *path.middles, path.cuts[-1]]
     for k, each in enumerate(driven):
         if middles[k + 1] <= first or middles[k] >= last:
             continue
         outer = path.length[max(2 * k - 1, 0)][0], path.length[min(2 * k + 1, len(path.length) - 1)][-1]
-        reaches = (middle + BEYOND * (far - middle) for middle, far in zip(middles[k : k + 2], outer, strict=True))
+        reaches = (
+            middle + BEYOND_MIDDLE * (far - middle) for middle, far in zip(middles[k : k + 2], outer, strict=True)
+        )
         begin, end = ((reach - first) / (last - first) for reach in reaches)
         begins = path.rows(np.array([middles[k]]))[0] if middles[k] > first else None
-        found.append(Pace(each.leg.speed, each.leg.acceleration, (begin, end), begins))
+        found.append(ToolRates(each.leg.speed, each.leg.acceleration, (begin, end), begins))
     return found
 
 
@@ -279,7 +281,7 @@ def _overlapping(
     stages, first = worlds[0].scene.job.stages, runs[0][0]
     found: list[tuple[float, list[_Unit], list[float]]] = []
     why = HdplanError("the limits leave no room for the two motions to overlap")
-    for slower in SLOWER:
+    for slower in TIME_FACTORS:
         in_time()
         tried = [
             _Unit(in_step(slowed(unit.motion, slower), _rate(worlds[0])), unit.marks)
@@ -312,7 +314,7 @@ def _sooner(
     in_time: Callable[[], None],
 ) -> Iterator[list[Trajectory]]:
     """Yield the motions of all stages that are driven along the sums of units, as far as these may overlap by their
-    radii, timed anew, where that takes less time than a motion does; the quickest first. There are none where tools
+    radii, timed again, where that takes less time than a motion does; the quickest first. There are none where tools
     have speeds of their own, or curves are blended into one another: these need more than a path."""
     assert worlds[0].scene.job is not None
     curves = [stage for k in group if isinstance(stage := worlds[0].scene.job.stages[k], Curve)]
@@ -324,7 +326,7 @@ def _sooner(
         overlaps = [_overlap(worlds[run[-1] - group[0]], run[-1], *pair, limited=False) for run, pair in pairs]
     except HdplanError:  # motions that are not slowed are within a radius for less than a row
         return
-    added = [_added(units, [share * each for each in overlaps]) for share in SHARES[:2]]
+    added = [_added(units, [share * each for each in overlaps]) for share in OVERLAP_SHARES[:2]]
     speeds = np.array([worlds[0].scene.job.stages[k].speed for k in group])
     for motion, marks in timed_anew(_as_one_motion(worlds[0], group), added, speeds, in_time):
         if motion.times is None or than.duration is None or motion.times[-1] >= than.duration:
@@ -421,7 +423,7 @@ def _with_row(motion: Trajectory, time: float) -> tuple[Trajectory, int]:
     assert motion.accelerations is not None
     after = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
     nearest = after - int(time - times[after - 1] < times[after] - time)
-    if abs(time - times[nearest]) < SNAP:
+    if abs(time - times[nearest]) < LEAST_ROW_GAP:
         return motion, nearest
     at = motion.at_time(time)
     rows = (

@@ -23,8 +23,8 @@ from hdplan.planner.geometry.rotations import matrices_of
 from hdplan.planner.job.following import lengths_of, turns_between
 from hdplan.scenes.array_types import Array
 
-CHORD = 0.02  # share of a tolerance that the chords of a blend take
-FEWEST, MOST = 8, 2048  # chords of half of a blend
+CHORD_SHARE = 0.02  # share of a tolerance that the chords of a blend take
+LEAST_CHORDS, MOST_CHORDS = 8, 2048  # chords of half of a blend
 
 
 class UnblendedError(Exception):
@@ -166,9 +166,9 @@ class Blend:
         return found
 
     def chords(self, distance: float, angle: float, half: int) -> Array:
-        """Return poses (k, 4, 4) along its first (0) or second (1) half, whose chords leave it by no more than CHORD of
-        these tolerances [m] and [rad]. Raises UnblendedError for too many."""
-        count = FEWEST
+        """Return poses (k, 4, 4) along its first (0) or second (1) half, whose chords leave it by no more than
+        CHORD_SHARE of these tolerances [m] and [rad]. Raises UnblendedError for too many."""
+        count = LEAST_CHORDS
         while True:
             s = 0.5 * (half + np.linspace(0.0, 1.0, 2 * count + 1))
             fine = self.at(s)
@@ -176,10 +176,12 @@ class Blend:
             off = np.linalg.norm(0.5 * (ends[:-1] + ends[1:])[:, :3, 3] - middle[:, :3, 3], axis=1).max()
             there = 0.5 * (ends[:-1] + ends[1:])[:, :3, :3] - middle[:, :3, :3]
             turned = np.linalg.norm(there, axis=(1, 2)).max() / np.sqrt(2.0)
-            if off <= 0.5 * CHORD * distance and turned <= 0.5 * CHORD * angle:
+            if off <= 0.5 * CHORD_SHARE * distance and turned <= 0.5 * CHORD_SHARE * angle:
                 return ends
-            if count >= MOST:
-                raise UnblendedError(f"{distance:g} m and {angle:g} rad take more than {MOST} chords: allow more")
+            if count >= MOST_CHORDS:
+                raise UnblendedError(
+                    f"{distance:g} m and {angle:g} rad take more than {MOST_CHORDS} chords: allow more"
+                )
             count *= 2
 
 

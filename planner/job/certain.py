@@ -1,5 +1,5 @@
-"""The motions of stages that leave no choice but how a redundant arm follows a curve: lines and other curves, fingers,
-outputs and waits."""
+"""The motions of stages without a choice, except for a redundant arm's way along a curve: lines and other curves,
+fingers, outputs and waits."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 
-STEADY = 48  # places along a curve that is followed as steadily as the joints go
+STEADY_PLACES = 48  # places along a curve that is followed as steadily as the joints go
 PLACES = (12, 24, 48, 96, 192, 384, 768, 1536)  # along it, as many as its tolerances need
 ORDER = 4  # of what the motion between places is off, in their distance (`drawn_through`)
-CLOSE = 0.5  # share of the tolerances that the motion between places may take
+GAP_SHARE = 0.5  # share of the tolerances that the motion between places may take
 HAND_PLACES = 5
-POSED = 6  # coordinates of a pose
+POSE_COORDINATES = 6  # coordinates of a pose
 LOOKED_FOR = ((0.02, 1, False), (0.004, 1, True), (0.004, 3, True))  # ways along a curve: [m] beyond planner.clearance
 # that their configurations keep, how many times as many of these, and whether they are close to each other everywhere
 
@@ -117,7 +117,7 @@ class Certain:
         NotFollowedError, which says how far one gets, where there is none."""
         follow, certifier = setup.scene.path.follow, Certifier(setup)
         assert follow is not None
-        if setup.robot.n <= (POSED if follow.free_rotation == "none" else POSED - 1):
+        if setup.robot.n <= (POSE_COORDINATES if follow.free_rotation == "none" else POSE_COORDINATES - 1):
             return  # nothing is left open along the curve
         quick = setup.limits.get("velocity", np.ones(setup.robot.n))
         found, nowhere = False, None
@@ -211,12 +211,12 @@ def _drawn(
     of PLACES that is: the first one, from the least on, for which the motion between them keeps to the tolerances.
     Raises NotFollowedError."""
     if guide is None:
-        guide = smooth(drawn_through(along_poses(robot, begins, part, STEADY)))
+        guide = smooth(drawn_through(along_poses(robot, begins, part, STEADY_PLACES)))
     number, last = least, len(PLACES) - 1
     while True:
         rows = near_guide(robot, begins, part, PLACES[number], guide)
         off, turned = drawn_off(robot, part, rows)
-        beyond = max(off / whole.position_tolerance, turned / whole.orientation_tolerance) / CLOSE
+        beyond = max(off / whole.position_tolerance, turned / whole.orientation_tolerance) / GAP_SHARE
         if beyond <= 1.0 or number == last:
             return rows, number
         number = min(number + max(1, int(math.log2(beyond) / ORDER)), last)

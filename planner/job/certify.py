@@ -1,5 +1,4 @@
-"""The certificate of a job: each stage by itself, from the job's scene and the motion that was driven, and nothing that
-planned them.
+"""The certificate of a job: each stage by itself, from the job's scene and the executed motion alone.
 
 What a stage is certified in, its `World`, follows from where the stages before it really ended: the arm there, objects
 held as they were taken, or lying where they were let go. Stages are parts of one curve, each of which begins at the row
@@ -41,8 +40,8 @@ from hdplan.scenes.stage import ArmStage, Touch
 from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
 
-DEEP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
-TURNS = 4  # tries to find the turn about a free axis; one is enough where curves turn about that axis
+NOTED_OVERLAP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
+TURN_TRIES = 4  # tries to find the turn about a free axis; one is enough where curves turn about that axis
 SAME_TIME = 1e-6  # [s] by which a wait may be shorter: rounding of times that are counted from the beginning of a job
 
 
@@ -312,7 +311,7 @@ def _settled(world: World, number: int, part: Trajectory) -> Corner:
     away = np.linalg.norm(poses[:, :3, 3] - corner.pose.position, axis=1)
     row = int((away > corner.radius).argmax()) if (away > corner.radius).any() else -1
     found = settled(corner, poses[row, :3, :3])
-    for _ in range(TURNS if found is not corner else 0):
+    for _ in range(TURN_TRIES if found is not corner else 0):
         leg, _ = leg_of(replace(world, corner=found), number)
         try:
             (there,) = leg.at(np.array([leg.leaves(float(away[row]))]))
@@ -323,7 +322,8 @@ def _settled(world: World, number: int, part: Trajectory) -> Corner:
 
 
 def _beyond_radius(world: World, number: int, robot: Robot, q: Array) -> str:
-    """Say how far from its goal a move goes over into the next stage; empty if that is within its radius."""
+    """Return, in words, how far from its goal a move passes into the next stage; empty if that is within its
+    radius."""
     assert world.scene.job is not None
     stage = world.scene.job.stages[number]
     assert isinstance(stage, Move)
@@ -379,7 +379,7 @@ def _on_touch(world: World, number: int, part: Trajectory) -> tuple[str, ...]:
     for (one, other), least in touched(world, number, rows[[0, -1]]).items():
         if least > REACH and (one, other) in stage.touch:
             notes.append(f"{name}: {one} and {other} may touch, and are apart at its beginning and its end")
-        elif least < -DEEP:
+        elif least < -NOTED_OVERLAP:
             notes.append(f"{name}: {one} and {other} may touch, and overlap by {-least * 1e3:.3g} mm")
     return tuple(notes)
 

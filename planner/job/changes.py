@@ -1,4 +1,4 @@
-"""The changes that a stage of a job leaves behind: the arm and the fingers elsewhere, an object taken or let go."""
+"""The changes that a stage of a job leaves behind: the arm and the fingers elsewhere, an object gripped or released."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ REACH = 5e-3  # [m] greatest distance between a gripper and an object that it ta
 
 
 def after(world: World, number: int, robot: Robot, q: Array) -> World:
-    """Return what there is after a stage whose motion ends at joint values q (n,) of its own scene's robot. Raises
+    """Return the world after a stage whose motion ends at joint values q (n,) of its own scene's robot. Raises
     InputError for an object that is out of reach, and for fingers that carry what another hand holds, too."""
     assert world.scene.job is not None
     stage = world.scene.job.stages[number]

@@ -1,15 +1,15 @@
-"""The search over the choices of a job: stage after stage, each from where the last one ended, with another choice
-further back where one cannot be done.
+"""The search over the choices of a job: stage after stage, each from the end of the last one, with another choice
+further back where a stage fails.
 
 A stage whose goal leaves a choice (a pose with several configurations, several grasps) is tried with one configuration
 after the other, the most promising of each pose first. Before a motion to one is planned, the stages up to the next
-move of the arm are tried from there, and whether that move has a goal from which it goes on in the same way, as to set
-down what was taken by this grasp: motions cost more. All are looked at plainly first, with curves followed as steadily
-as the joints go, and only then again with ways along curves, which are dear. The first choice that leads to the end is
-taken. Lines, grips and waits leave no choice.
+move of the arm are tried from there, and whether that move has a goal from which it continues in the same way, as to
+set down what was taken by this grasp: motions cost more. All are examined plainly first, with curves followed as
+steadily as the joints go, and only then again with ways along curves, which are dear. The first choice that leads to
+the end is taken. Lines, grips and waits leave no choice.
 
-No choice takes all of the time: what is looked at before a motion, the motion, and all that follows it have a share of
-what is left then, where there are others to try. What was put off so is gone on with once the others have failed.
+No choice takes all of the time: what is examined before a motion, the motion, and all that follows it have a share of
+what is left then, where there are others to try. Postponed choices continue once the others have failed.
 
 Some errors in the input show only where a choice has led: an object out of a hand's reach, a curve without a length.
 They rule out that choice, and the next one is tried; one that alone ended what came farthest is raised.
@@ -42,13 +42,13 @@ from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
 
-SHARE = 0.3  # of the time left, for one motion, or a look ahead, where there are others to try
-FOLLOWING = 0.5  # of the time left, for all that follows a motion to one of several goals
+TIME_SHARE = 0.3  # of the time left, for one motion, or a look ahead, where there are others to try
+FOLLOWING_SHARE = 0.5  # of the time left, for all that follows a motion to one of several goals
 ROUNDS = (
     (True,),
     (True, False),
 )  # for each look ahead: are curves behind the next move followed plainly
-EACH = 3  # goal configurations of a move for every pose
+CONFIGURATIONS_PER_POSE = 3  # goal configurations of a move for every pose
 BEGINNINGS = 4  # of a curve that are tried for each configuration of a move's goal
 
 
@@ -68,7 +68,7 @@ class Aims:
         self._left = iter(goals)
 
     def __iter__(self) -> Iterator[JointTarget]:
-        """Yield what was found, and look for more."""
+        """Yield the motions found so far, and seek more."""
         for i in itertools.count():
             if i == len(self._found):
                 if (goal := next(self._left, None)) is None:
@@ -132,7 +132,7 @@ class Search:
                 self.best = [*pieces]
             if len(pieces) == len(self.stages):
                 return
-            until = self._end_of(FOLLOWING) if others else self._until
+            until = self._end_of(FOLLOWING_SHARE) if others else self._until
             open_.append(_Open(self._choices(piece.after, len(pieces)), until))
 
     def _refuse(
@@ -167,7 +167,7 @@ class Search:
     @contextmanager
     def _one_of_several(self) -> Iterator[None]:
         """Give the block a share of the time that is left."""
-        until, self._until = self._until, self._end_of(SHARE)
+        until, self._until = self._until, self._end_of(TIME_SHARE)
         try:
             yield
         finally:
@@ -205,8 +205,8 @@ class Search:
                     yield piece, several
 
     def _goals(self, world: World, number: int) -> Aims | str:
-        """Return the configurations to which a move may lead, the best of each of its goals first, or say why there
-        are none; what was found once is kept."""
+        """Return the configurations to which a move may lead, the best of each of its goals first, or the reason why
+        there are none; results are kept."""
         kept = self._aims.setdefault(number, [])
         for before, found in kept:
             if before == world:
@@ -216,7 +216,7 @@ class Search:
         if isinstance(setup.scene.goal, JointTarget):
             made = Aims([setup.scene.goal])
         else:
-            made = Aims(goals_in_turn(stage_certifier(world, number), self.seed, EACH))
+            made = Aims(goals_in_turn(stage_certifier(world, number), self.seed, CONFIGURATIONS_PER_POSE))
             try:
                 next(iter(made))
             except UnsolvableError as error:
@@ -292,7 +292,7 @@ class Search:
             there = found.after
 
     def _leads_on(self, world: World, number: int, rounds: Sequence[bool]) -> str | None:
-        """Say why no goal of a move goes on to the next one; None if one does."""
+        """Return the reason why no goal of a move continues to the next one; None if one does."""
         goals, why = self._goals(world, number), ""
         if isinstance(goals, str):
             return goals
@@ -314,7 +314,11 @@ class Search:
         aimed = derived(scene, goal=goal)
         try:
             result = plan(
-                aimed, seed=self.seed, time_limit=left * (SHARE if others else 1.0), report=self.report, stop=self.stop
+                aimed,
+                seed=self.seed,
+                time_limit=left * (TIME_SHARE if others else 1.0),
+                report=self.report,
+                stop=self.stop,
             )
         except (UnsolvableError, TimeLimitError) as error:
             raise StageFailedError(_cause(error, scene)) from None

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from hdplan.planner.job.blends import Blend, Leg, UnblendedError, quintic
-from hdplan.planner.job.following import CORNER, NotFollowedError, Places, lengths_of
+from hdplan.planner.job.following import CORNER_ANGLE, NotFollowedError, Places, lengths_of
 from hdplan.planner.job.places import pose_of
 from hdplan.planner.kinematics.inverse import LinkPose
 from hdplan.planner.motion.robot_curve import curve_of
@@ -27,12 +27,12 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.targets import PoseTarget
 
-LOOKS = 1500  # of a planned motion
-APART = 2e-3  # share of a path between two of its configurations
-FINE = 200  # configurations in a part of the path
+PLANNED_SAMPLES = 1500  # of a planned motion
+PATH_GAP = 2e-3  # share of a path between two of its configurations
+PART_CONFIGURATIONS = 200  # configurations in a part of the path
 ROWS = 24  # in the shortest blend
-FEWEST, MOST = 48, 3000  # rows of a whole path
-STANDS = 1e-12  # [rad] or [m]
+LEAST_ROWS, MOST_ROWS = 48, 3000  # rows of a whole path
+LEAST_MOTION = 1e-12  # [rad] or [m]
 
 Way = Callable[[Array], Array]
 
@@ -68,13 +68,13 @@ class Driven:
         """Draw the path through some configurations of the motion."""
         curve = curve_of(self.robot, self.motion)
         object.__setattr__(self, "ends", (curve.rows[0], curve.rows[-1]))
-        rows = curve.at_parameter(np.linspace(0.0, 1.0, LOOKS))
+        rows = curve.at_parameter(np.linspace(0.0, 1.0, PLANNED_SAMPLES))
         steps = lengths_of(link_poses(self.robot, rows, frames_of(self.robot)[self.link]), self.leg.free)[0]
         along = np.concatenate([[0.0], np.cumsum(steps)])
-        along /= max(along[-1], STANDS)
+        along /= max(along[-1], LEAST_MOTION)
         chosen = [0]
         for k, share in enumerate(along.tolist()):
-            if share - along[chosen[-1]] >= APART and 1.0 - share >= APART:
+            if share - along[chosen[-1]] >= PATH_GAP and 1.0 - share >= PATH_GAP:
                 chosen.append(k)
         chosen.append(len(along) - 1)
         object.__setattr__(self, "way", scipy.interpolate.CubicSpline(along[chosen], rows[chosen]))
@@ -123,7 +123,7 @@ def _stage(each: Driven, first: float, last: float) -> Part:
 
     leg = each.leg
     inner = leg.places[(leg.places > first) & (leg.places < last)]
-    corners = (inner - first) / max(last - first, STANDS)
+    corners = (inner - first) / max(last - first, LEAST_MOTION)
     return Part(lambda at: each.way(shares(at)), lambda at: leg.at(shares(at)), corners)
 
 
@@ -151,7 +151,7 @@ class Path:
 
     def __post_init__(self) -> None:
         """Measure it."""
-        at = [np.union1d(np.linspace(0.0, 1.0, FINE + 1), part.corners) for part in self.parts]
+        at = [np.union1d(np.linspace(0.0, 1.0, PART_CONFIGURATIONS + 1), part.corners) for part in self.parts]
         length, gone = [], 0.0
         for part, shares in zip(self.parts, at, strict=True):
             steps = np.linalg.norm(np.diff(part.way(shares), axis=0), axis=1)
@@ -179,9 +179,9 @@ class Path:
         )
         length = np.concatenate([each[min(k, 1) :] for k, each in enumerate(self.length)])
         steps = np.diff(rows, axis=0)
-        moving = np.flatnonzero(np.linalg.norm(steps, axis=1) > STANDS)
+        moving = np.flatnonzero(np.linalg.norm(steps, axis=1) > LEAST_MOTION)
         ways = steps[moving] / np.linalg.norm(steps[moving], axis=1)[:, None]
-        sharp = (ways[1:] * ways[:-1]).sum(axis=1) < np.cos(CORNER)
+        sharp = (ways[1:] * ways[:-1]).sum(axis=1) < np.cos(CORNER_ANGLE)
         return [0.0, *length[moving[1:][sharp]].tolist(), float(length[-1])]
 
     def rows(self, lengths: Array) -> Array:
@@ -206,8 +206,8 @@ class Path:
 
 def _by_length(at: Array, length: Array) -> Way:
     """Return the shares of a part by the length of the path: a spline, as kinks between few lengths would be jerk."""
-    even = np.searchsorted(at, np.linspace(0.0, 1.0, FINE + 1))
-    if not (np.diff(length[even]) > STANDS).all():
+    even = np.searchsorted(at, np.linspace(0.0, 1.0, PART_CONFIGURATIONS + 1))
+    if not (np.diff(length[even]) > LEAST_MOTION).all():
         return lambda wanted: np.asarray(np.interp(wanted, length, at))
     found: Way = scipy.interpolate.CubicSpline(length[even], at[even])
     return found

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hdplan.planner.geometry.rotations import matrices_of, turn_of, vectors_of
-from hdplan.planner.job.blends import CHORD, Blend, Leg, UnblendedError
+from hdplan.planner.job.blends import CHORD_SHARE, Blend, Leg, UnblendedError
 from hdplan.planner.job.places import link_pose, pose_of, poses_of
 from hdplan.planner.job.world import Corner, World
 from hdplan.planner.robot.link_frame import end_effector, link_frame
@@ -33,9 +33,8 @@ HALF_TURN = 1e-3  # [rad] around half a turn, where a centre does not say which 
 
 
 def along_curve(world: World, number: int) -> dict[str, Any]:
-    """Return the goal and the path constraints of a stage. Raises InputError for a link that does not move, a frame
-    that there is not, an arc that is none, a curve that leads nowhere, for poses that begin elsewhere, and for blends
-    into what cannot be blended."""
+    """Return the goal and the path constraints of a stage. Raises InputError for a link that does not move, an unknown
+    frame, a degenerate arc, a curve without length, poses that begin elsewhere, and blends that are not possible."""
     assert world.scene.job is not None
     stage = world.scene.job.stages[number]
     assert isinstance(stage, Curve)
@@ -52,7 +51,7 @@ def along_curve(world: World, number: int) -> dict[str, Any]:
         link_of(stage, world),
         poses_of(poses),
         stage.position_tolerance - lost,
-        stage.orientation_tolerance * (1.0 - CHORD if stage.blend or world.corner is not None else 1.0),
+        stage.orientation_tolerance * (1.0 - CHORD_SHARE if stage.blend or world.corner is not None else 1.0),
         stage.free_rotation,
         stage.tool_speed,
         stage.tool_acceleration,
@@ -119,7 +118,7 @@ def leg_of(world: World, number: int) -> tuple[Leg, float]:
             poses = _frame(stage, world, begins) @ np.array([pose.matrix for pose in stage.poses])
             _check_beginning(stage, begins, poses[0])
         case _:
-            raise TypeError(f"{stage.kind} is no curve")
+            raise TypeError(f"{stage.kind} is not a curve")
     _check_length(stage, poses)
     return Leg(poses, stage.free_rotation, stage.tool_speed, stage.tool_acceleration), lost
 
@@ -152,7 +151,7 @@ def blended_poses(world: World, number: int) -> tuple[Array, float]:
     if first > last:
         raise InputError("blend: its radius and that of the stage before it overlap on this stage")
     if parts or after:
-        lost += CHORD * distance
+        lost += CHORD_SHARE * distance
     between = leg.places[(leg.places > first) & (leg.places < last)]
     parts.append(leg.at(np.array([first, *between, last])))
     return np.concatenate([*parts, *after]), lost
@@ -303,7 +302,7 @@ def _arc(stage: Circle, world: World, begins: Array, ends: Array, tolerance: flo
         center, angle, axis = _around(one, point, other, stage.position_tolerance)
     arm = one - center
     radius = float(np.linalg.norm(arm))
-    allowed = min(CHORD * tolerance, 0.1 * radius)
+    allowed = min(CHORD_SHARE * tolerance, 0.1 * radius)
     chord = 4.0 * np.arcsin(np.sqrt(0.5 * allowed / radius))  # the angle of an arc that is so far from its chord
     if angle > (MOST_POSES - 1) * chord:
         raise InputError(

@@ -19,12 +19,13 @@ from hdplan.scenes.targets import PoseTarget
 
 STEPS = 60  # of damped least squares at a place, at most
 POSE_ERROR = 1e-7  # [m] and [rad]
-FARTHEST = 0.5  # [rad] or [m] that a joint may move between two places, or be away from a guide: beyond it the curve
-# runs through a singularity
-ARM = 0.3  # [m] by which turns count as lengths, where places are spread over a curve
+# [rad] or [m] that a joint may move between two places, or be away from a guide; beyond it, the curve runs through a
+# singularity.
+LARGEST_STEP = 0.5
+TURN_RADIUS = 0.3  # [m] by which turns count as lengths, where places are spread over a curve
 UNDAMPED, LEAST_DAMPING = 0.05, 1e-6  # error below which steps are damped less, and what is left of it at last
 TURNED_OVER = "the arm would have to turn over at {:.0%} of the way, near a singularity"
-CORNER = 0.2  # [rad] between two directions: there the link stops
+CORNER_ANGLE = 0.2  # [rad] between two directions: there the link stops
 
 
 class NotFollowedError(Exception):
@@ -99,11 +100,13 @@ def _arrived(error: Array) -> Mask:
 def smooth_parts(follow: Follow) -> list[Follow]:
     """Return a curve cut where its direction changes abruptly: what a link can follow without a stop."""
     poses = np.array([pose.matrix for pose in follow.poses])
-    steps = np.concatenate([np.diff(poses[:, :3, 3], axis=0), ARM * turns_between(poses, follow.free_rotation)], axis=1)
+    steps = np.concatenate(
+        [np.diff(poses[:, :3, 3], axis=0), TURN_RADIUS * turns_between(poses, follow.free_rotation)], axis=1
+    )
     lengths = np.linalg.norm(steps, axis=1)
     moving = np.flatnonzero(lengths > 0.0)
     ways = steps[moving] / lengths[moving, None]
-    sharp = (ways[1:] * ways[:-1]).sum(axis=1) < np.cos(CORNER)
+    sharp = (ways[1:] * ways[:-1]).sum(axis=1) < np.cos(CORNER_ANGLE)
     cuts = [0, *moving[1:][sharp].tolist(), len(poses) - 1]
     return [_cut(follow, begin, end) for begin, end in itertools.pairwise(cuts)]
 
@@ -124,7 +127,7 @@ def along_poses(robot: Robot, start: Array, follow: Follow, count: int) -> Array
         reached = brought(robot, aim, np.clip(steady, robot.lower, robot.upper))
         if isinstance(reached, str):
             raise NotFollowedError(f"{follow.link} cannot follow the curve beyond {share:.0%} of the way: {reached}")
-        if np.abs(reached - rows[-1]).max() > FARTHEST:
+        if np.abs(reached - rows[-1]).max() > LARGEST_STEP:
             raise NotFollowedError(TURNED_OVER.format(share))
         rows.append(reached)
     return np.array(rows)
@@ -141,7 +144,7 @@ def near_guide(robot: Robot, start: Array, follow: Follow, count: int, guide: Ca
     if not (reached := places.reached(rows)[1:]).all():
         share = float(shares[1 + int((~reached).argmax())])
         raise NotFollowedError(f"{follow.link} cannot follow the curve beyond {share:.0%} of the way")
-    if (far := np.abs(rows - guided).max(axis=1) > FARTHEST).any():
+    if (far := np.abs(rows - guided).max(axis=1) > LARGEST_STEP).any():
         raise NotFollowedError(TURNED_OVER.format(float(shares[int(far.argmax())])))
     return rows
 
@@ -209,7 +212,7 @@ def lengths_of(poses: Array, free: str) -> tuple[Array, Array]:
     """Return how far it is from each of some poses (N, 4, 4) to the next (N − 1,), and the turns (N − 1, 3)."""
     turns = turns_between(poses, free)
     return np.hypot(
-        np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1), ARM * np.linalg.norm(turns, axis=1)
+        np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1), TURN_RADIUS * np.linalg.norm(turns, axis=1)
     ), turns
 
 

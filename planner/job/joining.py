@@ -13,7 +13,7 @@ from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.job import Job, Set
 
-EXACT = 2.0**-46  # [s]
+TIME_GRID = 2.0**-46  # [s]
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class Piece:
 
 
 def exactly_timed(motion: Trajectory) -> Trajectory:
-    """Return the same motion from time 0 on, at multiples of EXACT: sums and differences of such times are no rounding,
-    so that each piece of a joined motion of up to two minutes is the motion that it was, to the last bit."""
+    """Return the same motion from time 0 on, at multiples of TIME_GRID: sums and differences of such times are no
+    rounding, so that each piece of a joined motion of up to two minutes is the motion that it was, to the last bit."""
     assert motion.times is not None
-    return replace(motion, times=np.round((motion.times - motion.times[0]) / EXACT) * EXACT)
+    return replace(motion, times=np.round((motion.times - motion.times[0]) / TIME_GRID) * TIME_GRID)
 
 
 def joined(pieces: Sequence[Piece], job: Job) -> Trajectory:

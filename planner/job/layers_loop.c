@@ -1,4 +1,4 @@
-/* Costs of steps between two layers of configurations: `Layers._between`, to rounding the same. */
+/* Costs of steps between two layers of configurations: `Layers._between`, equal to NumPy's but for rounding. */
 
 #include "../../distance/compiled/border.h"
 

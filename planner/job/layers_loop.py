@@ -1,4 +1,4 @@
-"""Costs of steps between two layers of configurations in a loop of C: `Layers._between`, to rounding the same."""
+"""Costs of steps between two layers of configurations in a loop of C: `Layers._between`, equal but for rounding."""
 
 from __future__ import annotations
 

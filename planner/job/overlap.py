@@ -19,10 +19,10 @@ from hdplan.planner.robot.link_frame import frames_of, link_poses
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import HdplanError
 
-DIGITS = 9  # of times [s]: rows that are closer are one
+TIME_DIGITS = 9  # of times [s]: rows that are closer are one
 GRID = 64  # times in an interval between rows at which other rows may lie
-INNER = 0.95  # of a radius, to which both motions keep
-SHORTER = 0.85  # from one overlap to the next one that is tried
+RADIUS_SHARE = 0.95  # of a radius, to which both motions keep
+OVERLAP_FACTOR = 0.85  # from one overlap to the next one that is tried
 
 
 def overlapped(first: Trajectory, second: Trajectory, overlap: float) -> Trajectory:
@@ -31,7 +31,7 @@ def overlapped(first: Trajectory, second: Trajectory, overlap: float) -> Traject
     assert second.times is not None
     ends, begins = first.times - first.times[0], second.times - second.times[0]
     later = float(ends[-1]) - overlap
-    times = np.unique(np.round(np.concatenate([ends, later + begins]), DIGITS))
+    times = np.unique(np.round(np.concatenate([ends, later + begins]), TIME_DIGITS))
     one = first.at_time(first.times[0] + np.clip(times, 0.0, ends[-1]))
     other = second.at_time(second.times[0] + np.clip(times - later, 0.0, begins[-1]))
     positions = one.positions + (other.positions - second.positions[0])
@@ -40,7 +40,7 @@ def overlapped(first: Trajectory, second: Trajectory, overlap: float) -> Traject
 
 
 def slowed(motion: Trajectory, factor: float) -> Trajectory:
-    """Return the same motion in so many times its time, beginning at time 0."""
+    """Return the motion slowed by a factor, beginning at time 0."""
     assert motion.times is not None
     assert motion.velocities is not None
     assert motion.accelerations is not None
@@ -73,7 +73,7 @@ def longest_overlap(
     for motion, at_end, which in ((first, True, "itself"), (second, False, "that follows")):
         assert motion.times is not None
         places = link_poses(robot, motion.positions, frames_of(robot)[link])[:, :3, 3]
-        far = np.linalg.norm(places - places[-1 if at_end else 0], axis=1) > INNER * radius
+        far = np.linalg.norm(places - places[-1 if at_end else 0], axis=1) > RADIUS_SHARE * radius
         if not far.any():
             raise UnblendedError(f"{radius:g} m is larger than the stage {which}: {link} is within it all along")
         beyond = np.flatnonzero(far)
@@ -84,5 +84,5 @@ def longest_overlap(
     while rows >= 1:
         if allowed(overlapped(first, second, rows / rate).curve):
             return rows / rate
-        rows = int(SHORTER * rows)
+        rows = int(OVERLAP_FACTOR * rows)
     raise HdplanError("the limits leave no room for the two motions to overlap")

@@ -1,4 +1,4 @@
-"""Planning of a job: a search for motions of all its stages, which are blended, joined and certified as driven."""
+"""Planning of a job: a search for motions of all its stages, which are blended, joined and certified as executed."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ def plan_job(
     report: Callable[[Event], None] = lambda event: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> JobResult:
-    """Plan a job: find motions for all its stages, and certify each as it was driven.
+    """Plan a job: find motions for all its stages, and certify each as executed.
 
     Args:
         scene: one with a job.
         seed: of random first guesses and configurations; the same seed gives the same result, as far as the time limit
             allows.
         time_limit: [s] for everything but the certificate, which an earlier `deadline.time_limit` does not cut short,
-            either. What was planned by then comes back, and says which stage is missing, and why.
+            either. The planned stages are returned, with the first missing stage and the reason.
         report: called with every step and every certificate of the motions that are planned.
-        stop: called at every step; once it returns True, what was planned so far comes back.
+        stop: called at every step; once it returns True, the stages planned so far are returned.
 
     Raises:
-        InputError: for a scene without a job, and for errors in the scene, its robot or a stage, which it names.
-        TimeLimitError: a `deadline.time_limit` passed before there was a motion.
+        InputError: for a scene without a job, and for errors in the scene, its robot or a stage, which the message
+        names. TimeLimitError: a `deadline.time_limit` passed before there was a motion.
     """
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
@@ -82,7 +82,7 @@ def plan_job(
     failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces), interrupted)
 
     def late() -> str:
-        """Say why no more stages are blended, if so."""
+        """Return the reason why no more stages are blended, if so."""
         if interrupted or stop():
             return INTERRUPTED
         return f"the time limit of {time_limit:g} s passed before that was tried" if search.over() else ""
@@ -100,7 +100,7 @@ def plan_job(
 
 
 def _failure(search: Search, names: Sequence[str], done: int, interrupted: bool) -> str:
-    """Say which stage stopped the job, why, and what would help."""
+    """Return, in words, which stage stopped the job, why, and what would help."""
     if interrupted:
         return f"interrupted before stage '{names[done]}' was planned"
     if done not in {number for number, *_ in search.refused}:
@@ -109,7 +109,7 @@ def _failure(search: Search, names: Sequence[str], done: int, interrupted: bool)
 
 
 def _last(search: Search, done: int) -> str:
-    """Say why a stage could not be done: at last, of every goal that it has."""
+    """Return the reason why a stage could not be done: at last, of every goal that it has."""
     last = {goal: why for number, goal, why in search.refused if number == done}
     stage, goals_by = search.stages[done], dict[str, list[str]]()
     if isinstance(stage, Move) and isinstance(stage.goal, Goals) and any(last) and not search.over():

@@ -4,7 +4,7 @@ be followed to its end, within the limits and free.
 At each of some places, layers of configurations are found: in closed form, with the joints that are held for it at
 values all over their limits (`self_motions`), or else by inverse kinematics from those of the place before and from
 random ones. The cheapest way through the layers, by the squares of the joints' steps, as shares of what the joints can
-do in a second, and by how close they come to their limits, is looked for by dynamic programming, as in Morgan, Millard
+do in a second, and by how close they come to their limits, is sought by dynamic programming, as in Morgan, Millard
 & Sukhatme, "CppFlow: Generative inverse kinematics for efficient and robust Cartesian path planning" (2024). Whether a
 configuration is free is checked only once a way leads through it; those near one that is not are left out with it,
 until nothing else leads further. Then the way is evened: the joints' steps are made as small as the poses let them be,
@@ -34,22 +34,24 @@ from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.targets import PoseTarget
 
-FEWEST, MOST = 16, 300  # layers
+LEAST_LAYERS, MOST_LAYERS = 16, 300  # layers
 SPACING = 0.02  # [m] between layers, turns counted as lengths
 VALUES = (1, 96, 144, 216)  # of joints that are held for a closed form, by their number
-FIRST, FRESH, KEPT = 300, 120, 240  # configurations: looked for at the first place, newly at others, kept at most
+FIRST_CONFIGURATIONS = 300  # sought at the first place
+NEW_CONFIGURATIONS = 120  # sought again at every other place
+KEPT_CONFIGURATIONS = 240  # kept at most at a place
 STEPS = 40  # of damped least squares
-STEP = 0.45  # [rad] or [m] that a joint may move from layer to layer
+LARGEST_STEP = 0.45  # [rad] or [m] that a joint may move from layer to layer
 # [rad] or [m] from the limits of joints, of ways that are followed; at most a share of their range
 INNER, ROOM = 0.03, 0.01
 NEAR_BLOCKED = 0.12  # [rad] or [m] around a configuration that is not free, where others of its layer are left out too
-STEEP, LIMITS = 5, 0.05  # power of the square, and weight, of how close joints are to their limits
+LIMIT_POWER, LIMIT_WEIGHT = 5, 0.05  # power of the square, and weight, of how close joints are to their limits
 SAME_BEGINNING = 0.3  # [rad] or [m] between the beginnings of two ways that are tried one after the other
 ROUNDS, BACK = 10, 8  # of evening, and steps back to the poses after each
-EVEN = 1e-2  # [rad] or [m] below which a round of it ends
-DAMPED = 1e-3  # of evening
-REFINED, EVENED = 2, 2  # times that configurations are put in between at last, and evened each time
-LOOKS = 300  # greatest number of ways
+EVENED_STEP = 1e-2  # [rad] or [m] below which a round of it ends
+EVENING_DAMPING = 1e-3  # of evening
+REFINEMENTS, EVENINGS = 2, 2  # times that configurations are put in between at last, and evened each time
+MOST_WAYS = 300  # greatest number of ways
 
 Free = Callable[[Array], Mask]
 """True (B,) where configurations (B, n) are free."""
@@ -69,16 +71,16 @@ def ways_along(
     """Yield ways (layers, n) along a curve, the best first: from `start` (n,), or from wherever it can be begun, in
     which case each begins elsewhere. `quick` (n,) are the joints' greatest speeds; `finer` is how many times as many
     layers there are, and values of joints that are held for a closed form; `close`, whether there are more of these
-    where configurations would be far apart. Raises NotFollowedError, which says how far one gets, and how densely was
-    looked, where there is none."""
-    count = int(np.clip(np.ceil(length / SPACING * finer), FEWEST, MOST))
+    where configurations would be far apart. Raises NotFollowedError, with how far a way leads and how dense the search
+    was, where there is none."""
+    count = int(np.clip(np.ceil(length / SPACING * finer), LEAST_LAYERS, MOST_LAYERS))
     poses, (low, high) = spread(follow, 2 * count - 1), inner_limits(robot)
     found = _configurations(robot, start, follow, poses_of(poses[::2]), np.random.default_rng(seed), finer, close)
-    pace = quick / quick.max()
-    layers = Layers(robot, found, pace)
-    places = Places.of(robot, follow, poses, pace, low, high)
+    speeds = quick / quick.max()
+    layers = Layers(robot, found, speeds)
+    places = Places.of(robot, follow, poses, speeds, low, high)
     farthest, yielded = 0.0, False
-    for _ in range(LOOKS):
+    for _ in range(MOST_WAYS):
         way = layers.cheapest()
         if way is None:
             farthest = max(farthest, layers.leads_to)
@@ -125,7 +127,7 @@ class Layers:
         low, high = robot.lower[bounded], robot.upper[bounded]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         shares = [np.abs(rows[:, bounded] - middle) / half for rows in self.configurations]
-        self._weights = [LIMITS * ((share * share) ** STEEP).sum(axis=1) for share in shares]
+        self._weights = [LIMIT_WEIGHT * ((share * share) ** LIMIT_POWER).sum(axis=1) for share in shares]
         self._own = [each.copy() for each in self._weights]
         self._steps = [self._between(*pair) for pair in itertools.pairwise(self.configurations)]
         self._unknown = [np.ones(len(rows), dtype=bool) for rows in self.configurations]
@@ -135,13 +137,13 @@ class Layers:
     def _between(self, last: Array, rows: Array) -> Array:
         """The costs (l, k) of steps to some configurations from others."""
         if loops := library():
-            return layers_loop.steps_between(loops, last, rows, self.quick, self._circles, STEP)
+            return layers_loop.steps_between(loops, last, rows, self.quick, self._circles, LARGEST_STEP)
         cost, far = np.zeros((len(rows), len(last))), np.zeros((len(rows), len(last)), dtype=bool)
         for joint, quick in enumerate(self.quick.tolist()):
             step = np.subtract.outer(rows[:, joint], last[:, joint])
             if self._circles[joint]:
                 step -= TURN * np.round(step / TURN)
-            far |= ~(np.abs(step) <= STEP)
+            far |= ~(np.abs(step) <= LARGEST_STEP)
             cost += (step / quick) ** 2
         cost[far] = np.inf
         return cost
@@ -260,12 +262,16 @@ def _configurations(
             branches = close_branches if close else ClosedForm.branches
             reached = branches(form, robot, target, seed, finer * VALUES[len(form.ways[0].held)])
         else:
-            fresh = rng.uniform(low, high, (FRESH if found else FIRST, robot.n))
+            fresh = rng.uniform(low, high, (NEW_CONFIGURATIONS if found else FIRST_CONFIGURATIONS, robot.n))
             reached = _reached(robot, target, np.concatenate([found[-1], fresh]) if found else fresh)
         reached = reached[((reached >= inner[0]) & (reached <= inner[1])).all(axis=1)]
         if not len(reached):
             raise NotFollowedError(f"no joint values were found for {len(found) / (len(poses) - 1):.0%} of the way")
-        found.append(reached[rng.permutation(len(reached))[: finer * KEPT]] if len(reached) > finer * KEPT else reached)
+        found.append(
+            reached[rng.permutation(len(reached))[: finer * KEPT_CONFIGURATIONS]]
+            if len(reached) > finer * KEPT_CONFIGURATIONS
+            else reached
+        )
     return found
 
 
@@ -313,13 +319,15 @@ def _with_smaller_steps(between: Places, way: Array, fixed: bool, kept: Callable
     held[0] = fixed
     for _ in range(ROUNDS):
         step = _shortening(places, way, held)
-        moved = way + min(1.0, STEP / max(np.abs(step).max(), 1e-12)) * step
+        moved = way + min(1.0, LARGEST_STEP / max(np.abs(step).max(), 1e-12)) * step
         moved[~held] = places.back(moved, BACK)[~held]
-        wrong = ~places.reached(moved) | ~kept(moved) | _beside(np.abs(np.diff(moved, axis=0)).max(axis=1) > STEP)
+        wrong = (
+            ~places.reached(moved) | ~kept(moved) | _beside(np.abs(np.diff(moved, axis=0)).max(axis=1) > LARGEST_STEP)
+        )
         if (wrong & ~held).any():
             held |= wrong
             continue
-        done, way = np.abs(moved - way).max() <= EVEN, moved
+        done, way = np.abs(moved - way).max() <= EVENED_STEP, moved
         if done:
             break
     return way
@@ -342,7 +350,7 @@ def _shortening(places: Places, way: Array, held: Mask) -> Array:
     pull[1:] -= np.einsum("kni,kn->ki", loose[1:], steps)
     own = np.einsum("kni,knj->kij", loose, loose)
     own[1:-1] *= 2.0
-    own += DAMPED * np.eye(parts)
+    own += EVENING_DAMPING * np.eye(parts)
     both = -np.einsum("kni,knj->kij", loose[:-1], loose[1:])  # of each with the next
     band = np.zeros((2 * parts, count, parts))  # SciPy's upper form
     for i, j in itertools.product(range(parts), range(parts)):
@@ -355,14 +363,14 @@ def _shortening(places: Places, way: Array, held: Mask) -> Array:
 
 def _refined(between: Places, follow: Follow, way: Array, fixed: bool, free: Free) -> Array:
     """Return a way with configurations between its own, evened too, where they are free then."""
-    for _ in range(REFINED):
+    for _ in range(REFINEMENTS):
         places = replace(between, poses=spread(follow, 2 * len(way) - 1))
         finer, held = np.repeat(way, 2, axis=0)[:-1], np.zeros(2 * len(way) - 1, dtype=bool)
         finer[1::2] = 0.5 * (way[:-1] + way[1:])
         held[0] = fixed
         finer[~held] = places.back(finer)[~held]
         evened = finer
-        for _ in range(EVENED):
+        for _ in range(EVENINGS):
             evened = evened + _shortening(places, evened, held)
             evened[~held] = places.back(evened)[~held]
         found = [each for each in (evened, finer) if places.reached(each).all() and free(each).all()]

@@ -34,7 +34,7 @@ class JobResult:
 
     @property
     def text(self) -> str:
-        """One sentence: what was found."""
+        """The verdict, in one sentence."""
         if not self.failure:
             return self.certificate.text
         return f"not certified: {self.failure}; {len(self.certificate.stages)} stages before it are planned"

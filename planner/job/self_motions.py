@@ -14,7 +14,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.targets import PoseTarget
 
-APART = 0.3  # [rad] or [m] largest gap between neighbours at two values; a larger one gets another value in the middle
+LARGEST_GAP = 0.3  # [rad] or [m] between neighbours at two values; a larger gap gets another value in the middle
 HALVINGS = 5  # of the distance of two values
 
 
@@ -46,6 +46,6 @@ def _far_apart(values: Array, rows: Array, held: int) -> Mask:
     each = np.full((len(values), max(1, counts.max()), rows.shape[1]), np.nan)
     each[owner, np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)] = rows
     apart = np.abs(each[:-1, :, None] - each[1:, None]).max(axis=3)
-    far = ~(apart <= APART)  # of those that are not there, too
+    far = ~(apart <= LARGEST_GAP)  # of those that are not there, too
     there = ~np.isnan(each[:, :, 0])
     return np.asarray(((far.all(axis=2) & there[:-1]) | (far.all(axis=1) & there[1:])).any(axis=1))

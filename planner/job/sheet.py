@@ -20,7 +20,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.scene import derived
 
-LOOKS = 24  # at a stage's distances
+DISTANCE_SAMPLES = 24  # at a stage's distances
 SHORTEST_NAME = 0.04  # share of the motion that a stage takes whose name is written
 
 
@@ -75,7 +75,7 @@ def _draw_clearances(axis: Any, subject: Subject, certificate: JobCertificate) -
     for stage in certificate.stages:
         certifier = Certifier(Setup.of(stage.scene))
         curve = curve_of(certifier.robot, stage.trajectory)
-        shares = np.linspace(0.0, 1.0, LOOKS)
+        shares = np.linspace(0.0, 1.0, DISTANCE_SAMPLES)
         when = curve.time_of(shares)
         places, between = exact(certifier, curve.at_parameter(shares), when)
         if places:

@@ -1,4 +1,4 @@
-"""The motion of a job, replayed stage by stage: each in its own scene, with what is held and may touch then.
+"""The motion of a job, replayed stage by stage: each in its own scene, with its held objects and allowed contacts.
 
 Scene and motion -> `JobSimulation`. A plant (`control.simulation`) executes each stage of the arm from where it begins;
 fingers have no drives there, and are replayed as the motion has them.
@@ -67,7 +67,7 @@ class JobSimulation:
         return [each.execution for stage, each in self.stages if stage.arm is None and each.execution is not None]
 
     def summary(self) -> dict[str, Any]:
-        """Return the same as one JSON object, each stage as `Simulation.summary` has it."""
+        """Return all of it as one JSON object, each stage as `Simulation.summary` has it."""
         return {
             "status": "succeeded" if self.succeeded else "failed",
             "text": self.text,

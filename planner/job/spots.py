@@ -1,7 +1,7 @@
 """The spots of a job, at which objects are taken and left, each with the stages that lead there and away.
 
 An object is moved together with all that leads to it, the positions in the world to which the stages before its grip
-go. The same holds for the place where it is let go, and for the lines that lead away from there.
+go. The same holds for the place where it is released, and for the lines that lead away from there.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The scene of a single motion that a stage of a job makes of what there is before it.
+"""The scene of a single motion, for a stage of a job in the world before it.
 
 It is one like any other: it is planned, certified, proven and drawn as such. The arm starts where the last stage ended.
-What is held is `attached`, what was let go is an obstacle where it was let go. Fingers that are not moved are held. An
-obstacle that something may touch is `attached` to a link that stands fast in the world, with these as its
+What is held is `attached`, what was released is an obstacle where it was released. Fingers that are not moved are held.
+An obstacle that something may touch is `attached` to a link that stands fast in the world, with these as its
 `touch_links`: it is kept out of contact with everything else, without planner.clearance.
 """
 
@@ -172,7 +172,7 @@ def _touching(world: World, stage: Stage) -> tuple[tuple[Obstacle, ...], tuple[A
 
 
 def _check_object(world: World, stage: Grip | Release) -> None:
-    """Refuse to take hold of what is not there, and to let go of what is not held."""
+    """Refuse to grip a missing object, and to release an object that is not held."""
     if stage.object is not None and isinstance(stage, Release):
         world.holding(stage.object)
     elif stage.object is not None and stage.object not in {each.name for each in world.held}:
@@ -201,7 +201,7 @@ def leaders_of(spec: RobotSpec) -> dict[str, str]:
 
 
 def _of_fingers(limits: Limits) -> Limits:
-    """Return what limits of the arm say of fingers: values that are for all joints. Raises InputError for accelerations
+    """Return the arm's limits that apply to fingers: single values for all joints. Raises InputError for accelerations
     and jerks that are not."""
     given = {name: getattr(limits, name) for name in QUANTITIES if name != "torque"}
     kept: dict[str, Any] = {name: value for name, value in given.items() if isinstance(value, float | str)}

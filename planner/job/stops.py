@@ -1,4 +1,4 @@
-"""Stops: a stage that is to go over into the next one, at the end of which the motion rests instead.
+"""Stops: a stage that should blend into the next one, but at whose end the motion rests.
 
 Whether it does follows from the motion alone: velocities and accelerations of the row at which the next stage begins
 are 0, to the last bit. The stage is then judged as one without a blend, to the very end of its curve or to its goal.

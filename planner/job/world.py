@@ -1,4 +1,4 @@
-"""The world in which a stage of a job begins: the robot, what it holds, and what stands around it."""
+"""The world in which a stage of a job begins: the robot, its held objects, and the obstacles around it."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class World:
 
     @classmethod
     def at_first(cls, scene: Scene) -> World:
-        """Return what there is before the first stage. Raises InputError for a scene without a job that can be
+        """Return the world before the first stage. Raises InputError for a scene without a job that can be
         planned."""
         if scene.job is None:
             raise InputError(f"{scene.source}: job: is missing; hdplan.plan is for a single motion")

@@ -1,7 +1,7 @@
 #include "arm_kinds.h"
 
 /* Shares by which what is solved may miss, at the border of what is reached: least, and for each [m] or sine by which
-   axes miss each other that are said to meet, or to be parallel. */
+   axes that count as meeting, or as parallel, miss each other. */
 static const double LEAST_SLACK = 1e-5, SLACK_PER_GAP = 50.0;
 
 /* How much what is solved may miss: axes that only almost meet, or are only almost parallel, count as if they did. */
@@ -230,7 +230,7 @@ static void look_between(search* along, const place* low, const place* high, int
   look_between(along, &middle, high, depth - 1);
 }
 
-/* Keep what is least missed at one place, of its two neighbours, without a change of sign: two ways may be close by. */
+/* Keep what is least missed at one place, of its two neighbours, without a change of sign: two ways may be close. */
 static void look_about(search* along, const place* before, const place* now, const place* after) {
   const double small = 0.1;
   for (int k = 0; k < now->count; ++k) {

@@ -110,7 +110,7 @@ class ClosedForm(NamedTuple):
         return bool(self.ways[0].held)
 
     def words(self, robot: Robot) -> str:
-        """Say how configurations are found."""
+        """Return, in words, how configurations are found."""
         way = self.ways[0]
         names = " and ".join(robot.joint_names[self.planned[joint]] for joint in way.held)
         return f"in closed form, {WORDS[way.kind]}" + f"; {names} at values around the seed's" * bool(names)
@@ -212,9 +212,9 @@ def joints_to(robot: Robot, frame: int, free_rotation: str = "none") -> Joints |
 
 
 def choice(joints: Joints) -> tuple[Way, ...]:
-    """Return how a chain is solved: without a search if it can be, and of such ways the one that is furthest from
-    singular. Searches that hold nothing are two, along different joints, as one may miss what the other finds. None
-    where the geometry allows none."""
+    """Return the solution method of a chain: without a search if it can be, and of such ways the one that is furthest
+    from singular. Searches that hold nothing are two, along different joints, as one may miss what the other finds.
+    None where the geometry allows none."""
     k = len(joints.turns)
     drawn = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(PLACES, k)) * np.where(joints.turns, 1.0, 0.1)
     places = [joints.moved(q) for q in drawn]

@@ -14,7 +14,7 @@ static const double EXACT = 1e-10;    /* [m] and [rad] by which a configuration 
 static const double SAME = 1e-6;      /* [rad] between two configurations that are one */
 static const double FAR = 0.3;        /* [rad] beyond a limit of what the last steps need not bring back */
 static const double LOST = 1e-3;      /* [m] and [rad] still missed after half of the steps */
-static const double SINGULAR = 0.02;  /* [m] and [rad] for 1 rad, least: below it two configurations may be close by */
+static const double SINGULAR = 0.02;  /* [m] and [rad] for 1 rad, least: below it two configurations may be close */
 static const double AT_LIMIT = 1e-9;  /* [rad or m] beyond a limit that is rounding */
 static const double DAMPING = 1e-12;  /* λ² of the last steps */
 
@@ -123,7 +123,7 @@ static double least_moving(const axis* axes, const double* tip, const double* wa
   return moved;
 }
 
-/* The same angle a whole number of turns on, nearest to `seed` within the limits; not a number where there is none. */
+/* The angle shifted by whole turns, nearest to `seed` within the limits; not a number where there is none. */
 static double within(double value, int turns, double seed, double lower, double upper) {
   if (turns) {
     value += 2.0 * PI * round((seed - value) / (2.0 * PI));
@@ -183,14 +183,14 @@ static int branches(const chain* arm, const double* wanted, const double* values
     }
     turned_seed[j] = arm->backwards ? -other[joint] : other[joint];
   }
-  const double* asked = arm->backwards ? inverse : goal;
+  const double* target = arm->backwards ? inverse : goal;
   int count;
   if (arm->kind == WRIST)
-    count = by_wrist(seen, asked, turned_seed, angles);
+    count = by_wrist(seen, target, turned_seed, angles);
   else if (arm->kind == PARALLEL)
-    count = by_parallel(seen, asked, turned_seed, angles);
+    count = by_parallel(seen, target, turned_seed, angles);
   else
-    count = by_search(seen, asked, turned_seed, angles);
+    count = by_search(seen, target, turned_seed, angles);
   const int steps = arm->kind == MEETING ? 20 : 8;
   double roots[MOST][SIX], q[SIX], way[SIX];
   int rooted = 0;

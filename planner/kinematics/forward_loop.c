@@ -1,4 +1,4 @@
-/* The forward kinematics of many configurations: the recursion of `forward.py`, to rounding the same. */
+/* The forward kinematics of many configurations: the recursion of `forward.py`, equal to NumPy's but for rounding. */
 
 #include "forward_loop.h"
 

@@ -1,4 +1,5 @@
-"""The forward kinematics of many configurations in one loop of C: the recursion of `forward`, to rounding the same."""
+"""The forward kinematics of many configurations in one loop of C: the recursion of `forward`, equal but for
+rounding."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class LinkPose(NamedTuple):
         return self.towards(q, self.target.pose.matrix)
 
     def towards(self, q: Array, wanted: Array) -> tuple[Array, Array]:
-        """The same with other poses in the place of the target's: one (4, 4), or one for each row (B, 4, 4)."""
+        """The same with other poses in place of the target's: one (4, 4), or one for each row (B, 4, 4)."""
         place = self.moving(self.arm.evaluate(self.robot.expand(q)))
         error, kept = off_pose(place, wanted, self.target.free_rotation)
         jacobian = np.concatenate([place.linear, kept(place.angular)], axis=2).transpose(0, 2, 1)
@@ -87,7 +87,7 @@ def off_pose(place: Moving, wanted: Array, free: str) -> tuple[Array, Callable[[
 
 
 def _across(along: Array, turning: Array) -> Array:
-    """Return what of angular velocities (B, n, 3) is across directions (B, 3)."""
+    """Return the parts of angular velocities (B, n, 3) across directions (B, 3)."""
     return np.asarray(turning - (turning @ along[..., None]) * along[:, None])
 
 
@@ -106,7 +106,7 @@ class Aim(NamedTuple):
         return cls(links, np.array(tolerances), _loops(links, np.array(tolerances)))
 
     def elsewhere(self, target: PoseTarget | AllOf) -> Aim:
-        """Return the same with other poses for the same links, as freely turned."""
+        """Return a copy with other poses for the same links, as freely turned."""
         links = tuple(link._replace(target=pose) for link, pose in zip(self.links, target.poses, strict=True))
         return Aim(links, self.tolerances, _loops(links, self.tolerances))
 

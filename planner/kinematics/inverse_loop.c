@@ -1,5 +1,5 @@
-/* Damped least squares from many configurations: what `inverse.py` and `search/inverse_kinematics.py` say in NumPy, to
-   rounding the same. */
+/* Damped least squares from many configurations: `inverse.py` and `search/inverse_kinematics.py` in C, equal but
+   for rounding. */
 
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/cholesky.h"
@@ -133,7 +133,7 @@ static int is_within(const goal* to, const double* error, double share) {
 static void solve_step(const goal* to, const room* at) {
   const long long n = to->arm->n, m = 6 * to->links;
   const double* jacobian = at->jacobian;
-  for (long long j = 0; j < m; ++j) /* column j of the lower half, from the diagonal on */
+  for (long long j = 0; j < m; ++j) /* column j of the lower half, which begins at the diagonal */
     for (long long i = j; i < m; ++i) {
       double sum = i == j ? to->damping * to->damping : 0.0;
       for (long long k = 0; k < n; ++k) sum += jacobian[i * n + k] * jacobian[j * n + k];
@@ -185,7 +185,7 @@ static void linearized(const goal* to, long long batch, const double* q, double*
   }
 }
 
-/* What `approach` is told: the most steps; the step from which on `left` may be left behind, and how many those are; the
+/* The settings of `approach`: the most steps; the step from which on `left` may be left behind, and how many those are; the
    shares of the tolerances aimed at, and that are enough. */
 typedef struct {
   long long steps, many;

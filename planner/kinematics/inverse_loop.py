@@ -1,5 +1,5 @@
-"""Damped least squares from many configurations in one loop of C: what `inverse` and `search.inverse_kinematics` say in
-NumPy, to rounding the same."""
+"""Damped least squares from many configurations in one loop of C: `inverse` and `search.inverse_kinematics`, equal but
+for rounding."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def write_csv(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> byt
     """Return the file's content. Raises InputError for a job whose stages or joints have names that it cannot hold."""
     stages = [name for name in trajectory.stage_names if name is not None]
     if stages and (STAGE in trajectory.joint_names or all(map(_is_number, stages))):
-        raise InputError(f"{STAGE}: is the column of stages; it is no joint's, and not all are numbers: write .json")
+        raise InputError(f"{STAGE}: holds stages, not numbers of a joint: write .json")
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names, rows = trajectory.joint_names, trajectory.positions

@@ -35,6 +35,7 @@ SHORTEST, LONGEST = 1e-60, 1e60  # [s] between two rows, and from time 0
 ROW_RATES = ("velocities", "accelerations")  # that rows may hold beside times and positions
 RULES = {1: "linear", 3: "cubic", 5: "quintic"}  # by the degree
 PARTS = 8  # of an interval, each bounded by its own control points
+BLOCK = 512  # polynomials at once: their parts stay in the cache, and BLAS starts no threads that wait for each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,8 +207,14 @@ class Curve:
         if self.degree <= 1:
             return self.control.min(axis=1), self.control.max(axis=1)
         count, order, n = self.control.shape
-        parts = _parts(self.degree) @ self.control.transpose(1, 0, 2).reshape(order, -1)
-        return parts.min(axis=0).reshape(count, n), parts.max(axis=0).reshape(count, n)
+        control = self.control.transpose(1, 0, 2).reshape(order, -1)
+        low, high = np.empty((2, count * n))
+        for first in range(0, count * n, BLOCK):
+            block = slice(first, first + BLOCK)
+            parts = _parts(self.degree) @ control[:, block]
+            parts.min(axis=0, out=low[block])
+            parts.max(axis=0, out=high[block])
+        return low.reshape(count, n), high.reshape(count, n)
 
     def largest(self) -> Array:
         """Return a proven bound (n,) on the curve's absolute values."""

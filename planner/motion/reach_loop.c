@@ -1,10 +1,10 @@
-/* The reach rho of many bodies: `Chain.reach_around` and `Chain.local_reach`, to rounding the same. */
+/* The reach rho of many bodies: `Chain.reach_around` and `Chain.local_reach`, equal to NumPy's but for rounding. */
 
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"
 
 /* A tree of n joints: joint j + 1 moves coordinate j, turning or sliding; of each joint (0: the world) its parent, an
-   earlier one, which coordinates carry it, and nine numbers of the way to its parent, as `Chain._inward` says. */
+   earlier one, which coordinates carry it, and nine numbers of the way to its parent, as in `Chain._inward`. */
 typedef struct {
   long long n;
   const long long *parents, *revolute, *carried;
@@ -137,7 +137,7 @@ WRAPPER(call_local_reach) {
 }
 
 PyMethodDef reach_functions[] = {
-    FUNCTION("chain", make_chain, "A tree of joints, as `Chain` has it."),
+    FUNCTION("chain", make_chain, "A tree of joints, as in `Chain`."),
     FUNCTION("reach_around", call_reach_around, "What `Chain.reach_around` returns."),
     FUNCTION("local_reach", call_local_reach, "What `Chain.local_reach` returns."),
     END_OF_FUNCTIONS,

@@ -1,4 +1,4 @@
-"""The reach ρ of many bodies in loops of C: `Chain.reach_around` and `Chain.local_reach`, to rounding the same."""
+"""The reach ρ of many bodies in loops of C: `Chain.reach_around` and `Chain.local_reach`, equal but for rounding."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hdplan.scenes.array_types import Array, Rows
 
 
 def reach_around(loops: ModuleType, chain: Record, joints: Rows, cylinders: Array, travel: Array) -> Array:
-    """Return what `Chain.reach_around` returns."""
+    """Return the result of `Chain.reach_around`."""
     rho = np.zeros((len(joints), len(travel)))
     loops.reach_around(chain.struct, joints, np.ascontiguousarray(cylinders), np.ascontiguousarray(travel), rho)
     return rho

@@ -1,4 +1,4 @@
-"""A motion read at times, as whoever executes it needs it: positions, velocities, accelerations, poses of a link.
+"""A motion read at times, for its execution: positions, velocities, accelerations, poses of a link.
 
 The values are those of the curve itself (`curve`), evaluated piece by piece, up to rounding; at a row of the trajectory
 they are the row's, to the bit.
@@ -26,7 +26,7 @@ SAME_HELD = 1e-6  # [rad] or [m] between a joint's value here and the one at whi
 
 @dataclass(frozen=True, eq=False)
 class Samples(ReadOnly):
-    """A motion at one time or at several, which stand in front: the shape of `times` is (…)."""
+    """A motion at one time or at several; the shape (…) of `times` leads every array."""
 
     joint_names: tuple[str, ...]  # (n,) the columns
     times: Array  # (…) [s]

@@ -110,7 +110,7 @@ class Trajectory:
             )
 
     def __repr__(self) -> str:
-        """Say how long it is, and which joints it moves."""
+        """Return its duration and joints, for display."""
         return f"<Trajectory: {self.extent} of {', '.join(self.joint_names)}>"
 
     @cached_property
@@ -181,8 +181,8 @@ class Trajectory:
         return Samples(self.joint_names, within, position, velocity, acceleration, self.locked)
 
     def sampled(self, rate: float) -> Samples:
-        """Return the motion at every 1/rate [s] from its beginning on, and at its end: what a controller that asks for
-        `rate` samples a second is to be sent. Raises InputError as `at_time`, and for more than 10 million samples."""
+        """Return the motion at every 1/rate [s] from its beginning on, and at its end: the references of a controller
+        that takes `rate` samples a second. Raises InputError as `at_time`, and for more than 10 million samples."""
         rate = checked(Number(above=0.0, unit="1/s"), rate, "rate")
         if self.times is None or self.duration is None:
             return self.at_time(0.0)  # refused
@@ -193,7 +193,7 @@ class Trajectory:
 
     def stage_at(self, time: float) -> str:
         """Return the name of the stage of a job at a time [s]; where two meet, of the one that begins. Raises
-        InputError as `at_time`, and for a motion that is no job's."""
+        InputError as `at_time`, and for a motion without stages."""
         if not self.stages or self.times is None:
             raise InputError("trajectory: has no stages, which the motion of a job has")
         now = float(self.at_time(checked(Number(unit="s"), time, "time")).times)

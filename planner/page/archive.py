@@ -1,5 +1,5 @@
-"""A scene, a motion through it, its proof and its page as one archive that travels: whoever unpacks it plans, checks
-and looks at the same things.
+"""A scene, a motion through it, its proof and its page as one archive: after unpacking it, anybody can plan, check and
+view the same things.
 
 Everything in it is about the files in it: they are written, read again, certified and proven before they are packed.
 """
@@ -48,7 +48,7 @@ Save = Callable[[Path, Certificate], None]
 
 @dataclass(frozen=True)
 class Archive:
-    """A zip file's content, and what its proof says."""
+    """A zip file's content, and the verdict on its proof."""
 
     data: bytes
     text: str

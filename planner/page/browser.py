@@ -1,4 +1,4 @@
-"""A browser without a screen that shows one page and is photographed: Chrome or Chromium, through a pipe.
+"""A browser without a screen that shows pages and is photographed: Chrome or Chromium, through a pipe.
 
 It is driven by the DevTools protocol: JSON messages that end with a zero byte, on file descriptors 3 and 4.
 Nothing is fetched, and no port is opened.
@@ -49,40 +49,42 @@ def find_browser() -> str | None:
 
 
 class Browser:
-    """A browser that shows a page; for a `with` block."""
+    """A browser that shows a page at a time; for a `with` block."""
 
-    def __init__(self, program: str, page: HtmlPage, size: tuple[int, int]) -> None:
-        """Take the program, what it is to show, and the size of its window [px]."""
-        self._program, self._page, self._size = program, page, size
+    def __init__(self, program: str) -> None:
+        """Take the program."""
+        self._program = program
         self._stack = contextlib.ExitStack()
         self._answers = b""
         self._read, self._write = -1, -1  # pipes
         self._count = 0
 
     def __enter__(self) -> Browser:
-        """Start it, and wait until the page is drawn. Raises BrowserError if that fails."""
+        """Start it. Raises BrowserError if that fails."""
         with contextlib.ExitStack() as stack:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True)))
-            file = folder / "page.html"
-            file.write_text(self._page.html, encoding="utf-8")
-            self._start(stack, folder)
-            target = self._call("Target.createTarget", url=f"{file.as_uri()}#film")["targetId"]
+            self._folder = Path(stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True)))
+            self._start(stack, self._folder)
+            target = self._call("Target.createTarget", url="about:blank")["targetId"]
             self._session = self._call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-            width, height = self._size
-            self._call(
-                "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False
-            )
-            until = time.monotonic() + PATIENCE
-            while not self.run("Boolean(window.page)"):
-                if time.monotonic() > until:
-                    raise BrowserError("the page was not drawn")
-                time.sleep(0.1)
             self._stack = stack.pop_all()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         """End it."""
         self._stack.close()
+
+    def show(self, page: HtmlPage, size: tuple[int, int]) -> None:
+        """Show a page in a window of a size [px], and wait until it is drawn. Raises BrowserError if that fails."""
+        file = self._folder / f"page{self._count}.html"
+        file.write_text(page.html, encoding="utf-8")
+        width, height = size
+        self._call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        self._call("Page.navigate", url=f"{file.as_uri()}#film")
+        until = time.monotonic() + PATIENCE
+        while not self.run(f"location.pathname.endsWith({json.dumps(file.name)}) && Boolean(window.page)"):
+            if time.monotonic() > until:
+                raise BrowserError("the page was not drawn")
+            time.sleep(0.1)
 
     def run(self, script: str) -> Any:
         """Run a script in the page, and return its value. Raises BrowserError."""
@@ -128,7 +130,7 @@ class Browser:
         stack.callback(_end, process)
 
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Tell it something and return its answer."""
+        """Send a command and return the answer."""
         self._count += 1
         message = {"id": self._count, "method": method, "params": parameters}
         if hasattr(self, "_session"):

@@ -81,7 +81,8 @@ def _photographs(program: str, page: HtmlPage, moments: Sequence[float]) -> Iter
     """Yield the page as a browser shows it."""
     from PIL import Image
 
-    with Browser(program, page, SIZE) as browser:
+    with Browser(program) as browser:
+        browser.show(page, SIZE)
         browser.run("document.body.classList.add('film')")
         for now in moments:
             browser.run(f"page.now = {now!r}; page.paint()")

@@ -1,5 +1,5 @@
-"""A job as a page: one motion of arm and fingers with its stages on the timeline, in a scene in which what is held
-moves with the hand and what was let go stays.
+"""A job as a page: one motion of arm and fingers with its stages on the timeline, in a scene in which held objects move
+with the hand and released objects stay.
 
 That scene is for the eye alone. What is proven, and what is close, is that of each stage's own scene, in which some
 pairs may touch.
@@ -88,7 +88,7 @@ class ShownStage:
 
 
 def before_it(scene: Scene) -> Setup:
-    """Return what is drawn of a scene with a job that has no motion yet: the robot at its start, and all objects where
+    """Return the drawing of a scene with a job without a motion: the robot at its start, and all objects where
     they are then. Raises InputError for a scene without a job that can be planned."""
     first = World.at_first(scene)
     return Setup.of(_drawn(scene, goal=replace(scene.start, field="goal"), obstacles=_at_first(first)))
@@ -165,7 +165,7 @@ class ShownJob:
         return ShownMotion("job", self.trajectory, curve, parameter, joints, Tip.of(robot).path(joints), *known)
 
     def closest(self, seconds: float) -> tuple[Closest | None, Closest | None]:
-        """Return what is close at a time [s], by the stage that there is then."""
+        """Return the closest pairs at a time [s], in the stage at that time."""
         return self.stages[self.number_at(seconds)].closest(seconds)
 
     def number_at(self, seconds: float) -> int:

@@ -1,4 +1,4 @@
-"""Meshes as a page carries them: thinned where there are too many triangles, quantized, one after the other."""
+"""Meshes in a page: thinned where there are too many triangles, quantized, one after the other."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hdplan.planner.view.drawing.skins import Skin
 from hdplan.scenes.array_types import Array
 
 MOST_TRIANGLES, MOST_OF_GHOSTS = 140_000, 30_000  # of what is drawn of a robot: about 1.4 and 0.3 MB
-FINEST, COARSER = 0.0005, 1.3  # [m] edge of the cells in which points are merged at first, and by how much it grows
+FINEST, CELL_FACTOR = 0.0005, 1.3  # [m] edge of the cells in which points are merged at first, and by how much it grows
 FACINGS = 2.0  # steps between a normal's numbers -1 and 1, halved, of points that are merged: edges stay sharp
 
 
@@ -59,7 +59,7 @@ def thinned(skins: Sequence[Skin], most: int) -> Sequence[Skin]:
     found, cell = skins, FINEST
     while sum(len(skin.triangles) for skin in found) > most:
         found = [_merged(skin, cell) for skin in skins]
-        cell *= COARSER
+        cell *= CELL_FACTOR
     return found
 
 

@@ -148,7 +148,7 @@ def _part(name: str) -> str:
 
 
 def _rounded(value: Any) -> Any:
-    """Return what JSON can hold, of arrays and NumPy's numbers: to 10 µm and 10 µrad."""
+    """Return arrays and NumPy's numbers as JSON values, to 10 µm and 10 µrad."""
     return np.asarray(value).round(5).tolist()
 
 
@@ -192,7 +192,7 @@ def _millimetres(clearance: Array) -> Array:
 
 
 def _near(certifier: Certifier, motion: ShownMotion, timeline: Timeline) -> Near:
-    """Return what finds the closest pairs at a moment of a motion."""
+    """Return the function that finds the closest pairs at a moment of a motion."""
 
     def near(now: float) -> tuple[Closest | None, Closest | None]:
         q = motion.curve.at_parameter(timeline.parameter(motion.curve, now))

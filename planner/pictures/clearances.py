@@ -7,7 +7,6 @@ contact. Nothing is proven between the path parameters: the certificate does tha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +19,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import derived
 
 GREATEST_ACTIVATION = 1.0  # [m] the greatest activation distance of the planner's settings
-FARTHER, FARTHER_BY = 1.2, 0.01  # the next distance is searched for within the last one times this, plus [m]
+FARTHER, FARTHER_BY = 1.2, 0.01  # D̃ is searched for within the greatest exact distance times this, plus [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,20 +74,8 @@ def outer_clearance(setup: Setup, positions: Array, times: Array, within: float)
 
 def exact(certifier: Certifier, positions: Array, times: Array) -> tuple[tuple[Place, ...], Array]:
     """Return the closest places to obstacles and the distances between links at configurations (k, n) and times (k,)
-    [s], each empty if there are none.
-
-    From one configuration to the next distances change little, so each search is limited to little more than the last
-    distance, and repeated without a limit only if it finds nothing.
-    """
-    found: list[Sequence[Place | None]] = []
-    within = np.inf
-    for q, time in zip(positions, times.tolist(), strict=True):
-        places = certifier.nearest(q, within, time)
-        if found and [place is None for place in places] != [place is None for place in found[0]]:
-            places = certifier.nearest(q, time=time)
-        found.append(places)
-        within = max([0.0, *(place.distance for place in places if place)]) * FARTHER + FARTHER_BY
-    to_obstacles, between_links = zip(*found, strict=True)
+    [s], each empty if there are none."""
+    to_obstacles, between_links = zip(*certifier.nearest_along(positions, times), strict=True)
     return (
         tuple(place for place in to_obstacles if place),
         np.array([place.distance for place in between_links if place]),

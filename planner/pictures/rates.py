@@ -53,7 +53,7 @@ def _limit(axis: Any, peak: float) -> None:
 
 
 def _proven(axis: Any, subject: Subject, rate: Rate) -> None:
-    """Write what the certificate says about the limit."""
+    """Write the certificate's verdict on the limit."""
     use = next((use for use in subject.certificate.uses if use.quantity == rate.quantity), None)
     if use is not None:
         name = dict(zip(subject.trajectory.joint_names, short_names(subject.trajectory.joint_names), strict=True))

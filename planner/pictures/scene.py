@@ -214,7 +214,7 @@ def _ends(axis: Any, path: Array, low: Array, high: Array) -> None:
 
 
 def _painted(body: Skin, paint: Paint, view: Array, longest: float) -> list[tuple[Array, Array, Array]]:
-    """Return what is visible of a solid, faces, then outlines: polygons (k, 3, 3), face and edge colours (k, 4).
+    """Return the visible parts of a solid, faces, then outlines: polygons (k, 3, 3), face and edge colours (k, 4).
 
     The polygons are in the view's frame: right, up, towards the eye. A line is a triangle with a vertex repeated.
     """

@@ -1,4 +1,4 @@
-"""Lay out the problem of a scene: its bodies, the pairs that can meet, and the scene's terms.
+"""Assemble the problem of a scene: its bodies, the pairs that can meet, and the scene's terms.
 
 With `planner.swept`, clearance from obstacles is measured to hulls swept between waypoints (`swept_clearance`), not at
 samples.
@@ -140,7 +140,7 @@ def seen_anew(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> 
     scene = problem.scene
     clouds = {each.name: each.shape for each in scene.obstacles if isinstance(each.shape, Cloud)}
     if name is None and len(clouds) != 1:
-        raise InputError(f"name: is needed where there is not one cloud; there are {len(clouds)}: {listed(clouds)}")
+        raise InputError(f"name: needed unless there is exactly one cloud; there are {len(clouds)}: {listed(clouds)}")
     name = next(iter(clouds)) if name is None else name
     if name not in clouds:
         raise InputError(f"name: no cloud is named {name!r}{nearest(str(name), clouds)}")
@@ -196,7 +196,7 @@ def closer(problem: Problem, activation: float, quick: bool) -> Problem:
 
 
 def more_closely(problem: Problem) -> Problem:
-    """Lay out the same problem again with clouds, and meshes that were not split, enclosed by smaller boxes; the
+    """Assemble the problem again with clouds, and meshes that were not split, enclosed by smaller boxes; the
     problem itself if there are none, or if this was done already."""
     if problem.closely or not any(map(enclosed_loosely, problem.scene.obstacles)):
         return problem
@@ -222,7 +222,7 @@ def exactly(problem: Problem) -> Problem:
 
 
 def _with_own(problem: Problem, anew: Problem) -> Problem:
-    """Give a problem that was laid out anew the user's own terms, and distances as exact."""
+    """Give a problem that was assembled again the user's own terms, and distances as exact."""
     anew = exactly(anew) if problem.exact else anew
     return replace(anew, terms=replace(anew.terms, own=problem.terms.own, costs=problem.terms.costs))
 
@@ -249,4 +249,4 @@ def _distance(
             from hdplan.planner.collision.euclidean import FclPairs
 
             return FclPairs(pairs, bodies, halfspace_bodies)
-    raise ValueError(f"no distance is known as {settings.distance!r}")
+    raise ValueError(f"unknown distance {settings.distance!r}")

@@ -1,5 +1,5 @@
-/* The hinge on gravity torques at samples: `gravity_torque.py` says what they are, `hinge.py` what the hinge is, and the
-   two have the same in NumPy, equal but for rounding. */
+/* The hinge on gravity torques at samples: `gravity_torque.py` defines the torques, `hinge.py` the hinge, both in
+   NumPy, equal but for rounding. */
 
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"

@@ -1,5 +1,5 @@
 /* The loops of one evaluation: the hinge on the distance of close pairs, summed at their samples, and sums over samples
-   carried back to waypoints. `clearance.py` and `samples.py` have the same in NumPy; the two agree but for rounding, as
+   carried back to waypoints. `clearance.py` and `samples.py` are the NumPy twins; the two agree but for rounding, as
    sums are taken in another order. */
 
 #include "../../distance/compiled/border.h"
@@ -20,7 +20,7 @@ typedef struct {
   const double* moves;
 } term;
 
-/* Samples: placements (batch, joints, 12), columns (batch, n, 6), weights (batch), null where only depths are asked. */
+/* Samples: placements (batch, joints, 12), columns (batch, n, 6), weights (batch), null where only depths are wanted. */
 typedef struct {
   long long batch, joints;
   const double *placements, *columns, *weight;
@@ -120,7 +120,7 @@ static int penalties(const term* of, const samples* at, double least, const deri
 
 /* --- a motion --------------------------------------------------------------------------------------------------- */
 
-/* What stays of a motion that is evaluated: a robot, samples at fractions of `intervals` intervals, counts[k] on
+/* The constant part of an evaluation: a robot, samples at fractions of `intervals` intervals, counts[k] on
    interval k, and terms of pairs. */
 typedef struct {
   const tree* robot;
@@ -151,7 +151,7 @@ static int at_samples(const motion* of, double least, const double* positions, d
   return 0;
 }
 
-/* Sums over samples (batch, n) and (batch, n, n), carried back to waypoints, as `Samples` says: of a gradient to slope
+/* Sums over samples (batch, n) and (batch, n, n), carried back to waypoints, as in `Samples`: of a gradient to slope
    (N, n), of a curvature to blocks (N, n, n) and to those between neighbours (N − 1, n, n). */
 static void to_waypoints(long long intervals, const long long* counts, const double* fraction, long long n,
                          const double* restrict gradient, const double* restrict curvature, double* restrict slope,
@@ -277,7 +277,7 @@ WRAPPER(call_to_waypoints) {
 
 PyMethodDef evaluation_functions[] = {
     FUNCTION("term", make_term, "A penalty on pairs."),
-    FUNCTION("motion", make_motion, "What stays of a motion that is evaluated."),
+    FUNCTION("motion", make_motion, "The constant part of a motion's evaluation."),
     FUNCTION("penalties", call_penalties, "The cost of one term at samples, and its derivatives."),
     FUNCTION("at_samples", call_at_samples, "The cost of all terms at the samples of waypoints, and its derivatives."),
     FUNCTION("to_waypoints", call_to_waypoints, "Sums over samples, carried back to waypoints."),

@@ -50,7 +50,7 @@ class AtSamples:
     def __init__(
         self, kinematics: Kinematics, counts: Rows, fraction: Array, weight: Array, terms: Sequence[Record]
     ) -> None:
-        """Take what stays: samples as `Samples` says, and a `term` for each."""
+        """Take the constant part: samples as in `Samples`, and a `term` for each."""
         self.shape = len(weight), kinematics.n, kinematics.nj
         self.record = Record("motion", kinematics.tree, counts, fraction, weight, tuple(terms))
 
@@ -69,7 +69,7 @@ class AtSamples:
 def to_waypoints(
     loops: ModuleType, counts: Rows, fraction: Array, gradient: Array, curvature: Array
 ) -> tuple[Array, Array, Array]:
-    """Return what `Samples.to_waypoints` returns."""
+    """Return the result of `Samples.to_waypoints`."""
     intervals, n = len(counts), gradient.shape[1]
     slope, diagonal = np.zeros((intervals + 1, n)), np.zeros((intervals + 1, n, n))
     coupling = np.zeros((intervals, n, n))

@@ -1,4 +1,4 @@
-"""Clearance from moving obstacles: each sample of a motion sees them where they are at the sample's time.
+"""Clearance from moving obstacles: each sample of a motion sees them at their poses at the sample's time.
 
 A moving obstacle is one more body that is carried, as a link is, but by no joint: its placement at each sample's time
 is appended to those of the joints, and everything else is as for standing obstacles. The time of a sample follows from

@@ -1,4 +1,4 @@
-"""A term of one's own, in CasADi alone: a cost, a penalty or a hard constraint at each waypoint between the ends.
+"""A term of the user's own, in CasADi alone: a cost, a penalty or a hard constraint at each waypoint between the ends.
 
 In: expressions of a waypoint q_k (n,) and of the step d_k to the next. Out: a term like any other, in C, with CasADi's
 derivatives. With h = 1/(N − 1) and the sums over the N − 2 waypoints between the ends
@@ -38,7 +38,7 @@ CONSTRAINT_ROUNDING = 1e-9  # by which a constraint may be exceeded, in its unit
 
 @dataclass(frozen=True)
 class OwnTerm:
-    """A term of one's own in symbols, for `plan` and `Problem.with_term`.
+    """A term of your own in symbols, for `plan` and `Problem.with_term`.
 
     Args:
         name: for messages.
@@ -46,7 +46,7 @@ class OwnTerm:
             scalar for a cost, else a column.
         kind: "cost", "penalty" or "constraint".
         lower, upper: of a constraint, numbers or one for each row.
-        scale: of a penalty or constraint, what a unit counts as in metres inside a margin [m/unit].
+        scale: of a penalty or constraint, the metres inside a margin that one unit counts for [m/unit].
     """
 
     name: str
@@ -58,7 +58,7 @@ class OwnTerm:
 
     def of(self, n: int, own: Rows, activation: float, line: Array) -> WrittenTerm:
         """The term of a problem with n planned joints, which are `own` among the model's; `activation` [m] as the
-        planner's. It is tried on a motion `line` (N, n). Raises InputError for what is no such term."""
+        planner's. The term is evaluated on a motion `line` (N, n). Raises InputError for a term that is not allowed."""
         q, step = ca.MX.sym("q", n), ca.MX.sym("step", n)
         if not isinstance(self.name, str) or not self.name:
             raise InputError(f"term: name must be a text, found {self.name!r}")
@@ -227,7 +227,7 @@ class WrittenTerm(Term):
         return MotionPenalty(found.cost, spread, diagonal, coupling, found.depth)
 
     def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> None:
-        """Nothing at the samples."""
+        """Zero: the term has no part at the samples."""
 
     def second_order_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array]:
         """The same with all joints of the model."""
@@ -275,7 +275,7 @@ def hard_constraints(terms: Sequence[Term]) -> list[WrittenTerm]:
 
 
 def left(terms: Sequence[Term], positions: Array) -> tuple[str, ...]:
-    """Say which constraints among terms a motion (N, n) leaves, and how far."""
+    """Return, in words, which constraints among terms a motion (N, n) leaves, and how far."""
     found = [(term.name, term.excess(positions)) for term in hard_constraints(terms)]
     return tuple(
         f"term '{name}': its bounds are exceeded by {excess:.3g} at a waypoint"

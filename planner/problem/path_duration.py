@@ -3,8 +3,8 @@ that is to be quick.
 
     ½ V² T² + path speed
 
-The path speed knows velocities alone; T, the time of the fastest law, whatever its jerk, also knows how a motion gets
-under way and brakes, and what the joints' torques allow. T has kinks and no second derivatives: those of the path
+The path speed knows velocities alone; T, the time of the fastest law, regardless of its jerk, also knows how a motion
+gets under way and brakes, and what the joints' torques allow. T has kinks and no second derivatives: those of the path
 speed, whose cost is about ½ V² T² too where velocities are what limits a motion, stand for both.
 """
 

@@ -1,12 +1,12 @@
-/* The cost of a motion's path_speed, with derivatives: `path_speed.py` says what it is, and has the same in NumPy, equal but for
+/* The cost of a motion's path speed, with derivatives: `path_speed.py` defines it, and computes it in NumPy, equal but for
    rounding. */
 
 #include <math.h>
 
 #include "../../distance/compiled/border.h"
 
-/* One step x (n), of joints' shares: what it adds to gradients at its two ends, and to the blocks (n, n) of both and
-   between them. Returns ‖x‖_p². */
+/* Add the share of one step x (n), weighted by joints, to the gradients at its two ends and to the blocks (n, n) of both
+   and between them. Returns ‖x‖_p². */
 static double add_step(long long n, const double* x, const double* shares, double scale, double* direction,
                        double* slender, double* gradient, double* diagonal, double* coupling) {
   double largest = 0.0, total = 0.0;
@@ -66,6 +66,6 @@ WRAPPER(call_path_speed) {
 }
 
 PyMethodDef path_speed_functions[] = {
-    FUNCTION("path_speed", call_path_speed, "The cost of a motion's path_speed, and its derivatives."),
+    FUNCTION("path_speed", call_path_speed, "The cost of a motion's path speed, and its derivatives."),
     END_OF_FUNCTIONS,
 };

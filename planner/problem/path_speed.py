@@ -1,4 +1,4 @@
-"""PathSpeed of a motion: the cost that makes it quick where joint velocities are limited.
+"""Path speed of a motion: the cost that makes it quick where joint velocities are limited.
 
 A step d takes joint j at least |d_j|/v_j, and all joints together the largest of these. So a path through waypoints q_k
 takes at least Σ_k max_j |q_{k+1,j} − q_{k,j}|/v_j, whatever its timing; the joints that are not the slowest may go a

@@ -90,7 +90,7 @@ class UprightMeasure:
         return LEVER * angle[:, None, None]
 
     def slope(self, kinematics: KinematicsBatch) -> Array:
-        """As the module's docstring says."""
+        """Return the derivative of LEVER θ by the joints."""
         aside, _ = _unit(np.cross(kinematics.rotations[:, self.joint] @ self.axis, UP))
         slope: Array = -(kinematics.angular @ aside[..., None])[..., 0] * self.moves
         return LEVER * slope[:, None, None]

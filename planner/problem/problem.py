@@ -170,7 +170,7 @@ class Problem:
         return sum(found.cost for found in self._costs(positions))
 
     def left(self, positions: Array) -> tuple[str, ...]:
-        """Say which of the user's own constraints waypoints (N, n) leave."""
+        """The user's own constraints that waypoints (N, n) violate, in words."""
         if not self.terms.own:
             return ()
         from hdplan.planner.problem.own_term import left
@@ -208,8 +208,7 @@ class Problem:
 
     def second_order(self, positions: Array) -> tuple[Array, Array]:
         """Second-order part of the penalty's Hessian at waypoints (N, n): blocks (N, n, n) of each
-        waypoint, and (N − 1, n, n) of q_{k+1} (rows) with q_k. Raises InputError for a term of which it is not
-        known."""
+        waypoint, and (N − 1, n, n) of q_{k+1} (rows) with q_k. Raises InputError for a term without one."""
         positions, linkage = self.robot.expand(positions), self.robot.linkage
         kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
         nothing = nowhere(*kinematics.columns.shape[:2])
@@ -236,20 +235,21 @@ class Problem:
         """The problem as a CasADi program, for Ipopt, fatrop and other solvers of CasADi's.
 
         form: of the penalty, "external" or "symbolic". The former calls the fast loops and is for planning here; the
-        latter is one graph without a callback, whose parameters are the poses of obstacles too: it can be looked into,
+        latter is one graph without a callback, whose parameters include the poses of obstacles: it can be inspected,
         saved, written to C and compiled, and serves a moving scene.
 
-        hessian: of the penalty, "exact" or "gauss_newton", its positive semidefinite part. To a tolerance solvers take
-        half of the steps with the exact one; in runs of a few steps the other gets further.
+        hessian: of the penalty, "exact" or "gauss_newton", its positive semidefinite part. To a given tolerance,
+        solvers take half as many steps with the exact one; in runs of a few steps the other gets further.
 
         `nlp` is the dictionary of x, p, f and g that `casadi.nlpsol` takes, `bounds` holds lbx, ubx, lbg and ubg, and
         `stages` the options by which fatrop finds the stages. `guess(positions)` gives the x of waypoints (N, n),
         `positions(x)` the waypoints of an x, `values(weight, poses)` the p; `with_cost` and `with_constraint` add
-        expressions of one's own. Keep a program of form external as long as anything made from it.
+        expressions of your own. Keep a reference to a program of form external as long as anything made from it is in
+        use.
 
-        Raises InputError for another `hessian` or `form`; for an exact Hessian of a term of which it is not known: that
-        of the distance by FCL, and of a term of one's own without `second_order`; and in symbols for a term that is not
-        written so: the distance by FCL, and a term of one's own without `written_at_sample` or `written_over_motion`.
+        Raises InputError for another `hessian` or `form`; for an exact Hessian of a term that has none: the distance by
+        FCL, and your own term without `second_order`; and in symbols for a term without a symbolic form: the distance
+        by FCL, and your own term without `written_at_sample` or `written_over_motion`.
         """
         from hdplan.planner.problem.program import program
 
@@ -268,7 +268,7 @@ class Problem:
         return self.kinematics.evaluate(self.robot.expand(configurations))
 
     def with_term(self, term: Term | OwnTerm) -> Problem:
-        """The same problem with one more term in its cost, the user's own: an `OwnTerm` in symbols, of the planned
+        """A copy of the problem with one more term in its cost, the user's own: an `OwnTerm` in symbols, of the planned
         joints, or a `Term` in numbers, of all joints of the model, those that follow others included. Raises InputError
         for an `OwnTerm` of other sizes, that is not twice differentiable, calls back into Python or has the name of
         another one."""
@@ -287,27 +287,27 @@ class Problem:
         return replace(self, terms=replace(self.terms, own=(*self.terms.own, term)))
 
     def with_cloud(self, points: ArrayLike | Cloud, name: str | None = None) -> Problem:
-        """The same problem with other points (m, 3) [m] in a cloud, as the next picture of a camera gives them, or with
-        another cloud in its place; its pose and, of points, its radius and all else stay, and what depends on the robot
-        alone is not built again.
+        """A copy of the problem with other points (m, 3) [m] in a cloud, as the next picture of a camera gives them, or
+        with another cloud in its place; its pose and, of points, its radius and all else stay, and what depends on the
+        robot alone is not built again.
 
-        Points near the robot where the problem's scene starts are left out if the cloud asks for it. `name` says which
-        cloud if there are several. Raises InputError for points that a `Cloud` refuses, and for a name that no cloud
-        has.
+        Points near the robot at the start of the problem's scene are left out if the cloud has `ignore_robot`. `name`
+        says which cloud if there are several. Raises InputError for points that a `Cloud` refuses, and for a name that
+        no cloud has.
         """
         from hdplan.planner.problem.assemble import seen_anew
 
         return seen_anew(self, points, name)
 
     def refined(self, intervals: list[int]) -> Problem:
-        """The same problem, sampled twice as densely on the given intervals."""
+        """A copy of the problem, sampled twice as densely on the given intervals."""
         counts = np.array(self.samples.counts)
         counts[intervals] *= 2
         return replace(self, samples=self.samples.raised(counts))
 
     def resampled(self, positions: Array) -> Problem:
-        """The same problem, sampled densely enough for a motion (N, n): no body's centre moves farther than SPACING
-        from one sample to the next."""
+        """A copy of the problem, sampled densely enough for a motion (N, n): no body's centre moves farther than
+        SPACING from one sample to the next."""
         kinematics = self.placed(positions)
         joints = [body.joint for body in self.bodies]
         centres = np.array([body.body.vertices.mean(axis=0) for body in self.bodies]).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""The problem as a CasADi program, for interior-point solvers and for costs and constraints of one's own.
+"""The problem as a CasADi program, for interior-point solvers and for the user's own costs and constraints.
 
 It is written stage by stage, as optimal control is: stage k = 0 … N − 2 has the waypoint q_k and the step d_k = q_{k+1}
 − q_k as states and the change of step a_k as control, with h = 1/(N − 1) and α as in `Smoothness`:
@@ -54,7 +54,7 @@ class Program:
     p: ca.MX  # weight of the penalty [1/m²]; in symbols then poses and sizes of obstacles, as `values` gives them
     f: ca.MX
     added: ca.MX  # to f by `with_cost`
-    rows: tuple[ca.MX, ...]  # the constraints of each stage (N − 1): those of its dynamics, then one's own
+    rows: tuple[ca.MX, ...]  # the constraints of each stage (N − 1): those of its dynamics, then the user's own
     lower: tuple[Array, ...]  # bounds of `rows`
     upper: tuple[Array, ...]
     lbx: Array
@@ -113,12 +113,12 @@ class Program:
 
     def pose_of(self, obstacle: str) -> ca.MX:
         """The pose of an obstacle, a part of p: twelve numbers, the rotation row by row, then the origin [m]; of a
-        moving one for each sample. Raises InputError where it is none."""
+        moving one for each sample. Raises InputError where the pose is not a parameter."""
         return self._part_of_p(obstacle, "pose")
 
     def size_of(self, obstacle: str) -> ca.MX:
         """The sizes of an obstacle [m], a part of p, in the order of its shape's fields. Raises InputError where they
-        are none."""
+        are not parameters."""
         return self._part_of_p(obstacle, "size")
 
     def _part_of_p(self, obstacle: str, what: str) -> ca.MX:
@@ -128,9 +128,9 @@ class Program:
         return self.p[1 + first : 1 + last]
 
     def between(self, start: ArrayLike, goal: ArrayLike) -> Program:
-        """The same program from another start to another goal (n,): the same x, p, f and g with other `bounds`, so that
-        what was made from it serves both. Raises InputError for other shapes, for values beyond the joint limits, and
-        where the penalty is external."""
+        """A copy of the program from another start to another goal (n,): the same x, p, f and g with other `bounds`, so
+        that what was made from it serves both. Raises InputError for other shapes, for values beyond the joint limits,
+        and where the penalty is external."""
         if not isinstance(self.penalty, SymbolicPenalty):
             raise InputError("start: is a part of form external; the form that takes another is symbolic")
         problem, (low, high) = self.problem, self.problem.robot.inner
@@ -163,7 +163,7 @@ class Program:
         return ca.horzcat(q, q[:, -1] + step[:, -1])
 
     def with_cost(self, cost: ca.MX) -> Program:
-        """The same program with `cost`, an expression of x and p, added to f. Raises InputError for anything else.
+        """A copy of the program with `cost`, an expression of x and p, added to f. Raises InputError for anything else.
 
         Of its Hessian fatrop sees only what lies within a stage.
         """
@@ -175,9 +175,9 @@ class Program:
     def with_constraint(
         self, each: Callable[[ca.MX, ca.MX], ca.MX], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf
     ) -> Program:
-        """The same program with lower ≤ each(q_k, d_k) ≤ upper at the waypoints k = 1 … N − 2 that are to be found: of
-        the waypoint (n,) and the step to the next (n,) a column (m,). Nothing is required between waypoints. Raises
-        InputError for another expression, and for bounds that do not fit it."""
+        """A copy of the program with lower ≤ each(q_k, d_k) ≤ upper at the waypoints k = 1 … N − 2 that are to be
+        found: of the waypoint (n,) and the step to the next (n,) a column (m,). Nothing is required between waypoints.
+        Raises InputError for another expression, and for bounds that do not fit it."""
         rows, low, high = list(self.rows), list(self.lower), list(self.upper)
         waypoints, steps, _ = (ca.horzsplit(part) for part in _columns(self.problem, self.x))
         for k in range(1, len(rows)):

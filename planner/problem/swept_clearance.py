@@ -124,7 +124,7 @@ class SweptClearance(PairTerm):
         return each(*ends, ca.repmat(motion.frames, 1, count))
 
     def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> None:
-        """Nothing at the samples."""
+        """Zero: the term has no part at the samples."""
 
     def second_order_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array]:
         """h Σ_pairs D ∇²D: both ends of an interval by themselves, and the block between them."""

@@ -121,7 +121,8 @@ class SymbolicPenalty:
         return [int(end) for end in np.cumsum([0, *each])]
 
     def place_of(self, obstacle: str, what: str) -> tuple[int, int]:
-        """Slice of the "pose" or the "size" of an obstacle among the parameters. Raises InputError where it is none."""
+        """Slice of the "pose" or the "size" of an obstacle among the parameters. Raises InputError where there is
+        none."""
         known = [each.name for each in self.obstacles]
         if obstacle not in known:
             raise InputError(f"{what}: no obstacle is named {obstacle!r}{nearest(str(obstacle), known)}")
@@ -134,7 +135,9 @@ class SymbolicPenalty:
     @staticmethod
     def _cannot_grow(each: ObstaclePlaces) -> str:
         shape = type(each.shape).__name__.lower()
-        return f"{each.name}: of the kind {shape} they are no parameters; allowed are {listed(GROWING_SHAPES)}"
+        return (
+            f"{each.name}: the sizes of this shape ({shape}) are not parameters; allowed are {listed(GROWING_SHAPES)}"
+        )
 
     def values(self, poses: Mapping[str, ArrayLike], sizes: Mapping[str, Shape] | None = None) -> Array:
         """The parameters, with other poses for some obstacles: (4, 4), or of a moving one (B, 4, 4), one for each

@@ -1,5 +1,4 @@
-"""Distances that the planner keeps from what it does not quite know: the clearance, and what the scene's sizes take of
-it.
+"""Distances that the planner keeps under uncertainty: the clearance, less the share of the scene's sizes.
 
 What is proven is the certificate's; here what holds at the motion's ends does, as it only has to keep the motion where
 that can be proven. A body that may leave at some speed needs room that grows with time: in each of some spans of the

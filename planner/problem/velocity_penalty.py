@@ -78,4 +78,4 @@ class VelocityPenalty(Term):
         return ca.sumsqr(beyond) / (2 * motion.step.shape[1])
 
     def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> None:
-        """Nothing: the curvature is exact."""
+        """Zero: the curvature is exact."""

@@ -1,4 +1,4 @@
-"""Meshes that are not convex, in groups of triangles, and clouds, in groups of balls: whatever the groups, their hulls
+"""Meshes that are not convex, in groups of triangles, and clouds, in groups of balls: for any groups, their hulls
 contain every triangle, and every ball."""
 
 from __future__ import annotations

@@ -120,7 +120,7 @@ class Planes:
         return normal, bound, distance
 
     def _directions(self, nodes: Intervals, items: Items, floor: Array) -> tuple[Array, Array]:
-        """Return coal's directions at the middles of intervals and about the distances of the hulls, looked at again
+        """Return coal's directions at the middles of intervals and about the distances of the hulls, examined again
         where coal is to be doubted."""
         of = self.spans.pairs.a[items.pair], self.spans.pairs.b[items.pair]
         (a, row_a), (b, row_b) = ((each.tolist(), nodes.row(items.node, each).tolist()) for each in of)

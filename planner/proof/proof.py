@@ -1,4 +1,4 @@
-"""A certified motion → a proof that travels: a file that `hdplan.verify` checks without hdplan (docs/proof.md).
+"""A certified motion → its proof: a file that `hdplan.verify` checks without hdplan (docs/proof.md).
 
 The certificate says what can be proven; here the planes are found that prove nearly as much (SHORTS) by the
 checker's own bound. A mesh whose hull is too close is divided into groups of triangles, finer where that is needed.
@@ -64,14 +64,14 @@ class Proof:
 def prove(
     scene: FilePath, trajectory: FilePath, request: FilePath | None = None, robot: FilePath | None = None
 ) -> Proof:
-    """Certify a motion and write down why it is free.
+    """Certify a motion and return the proof that it is free.
 
-    A proof is about files: `scene` is a hdplan scene, or a shipped one's name, `trajectory` a JSON or CSV file. A
+    A proof refers to files: `scene` is a hdplan scene, or a shipped one's name, `trajectory` a JSON or CSV file. A
     MoveIt planning scene needs its motion plan `request` and the `robot`, as in `load_scene`: its name, its
     description, or a YAML file with a `robot` section.
 
     Raises:
-        InputError: for bad files, and for what a proof cannot hold yet, by name.
+        InputError: for bad files, and, by name, for contents that a proof cannot hold yet.
         NotProvenError: the motion is not certified, or no planes were found.
     """
     files = _Files.of(scene, trajectory, request, robot)

@@ -56,7 +56,7 @@ class ReadProof:
             _, _, cuts, trees = unpack(data)
             self.world = World(read, cuts)
         except RejectedError as error:
-            raise InputError(f"{name}: is no proof of {motion} in {scene}: {error}") from None
+            raise InputError(f"{name}: is not a proof of {motion} in {scene}: {error}") from None
         counts, depths, normals, *_ = trees
         self.rows = len(self.world.control.mid)
         self._first = np.cumsum(counts) - counts

@@ -127,7 +127,7 @@ class Spans:
 
 
 def _sizes(world: World) -> Sizes | None:
-    """Return what a world does not know, as the certificate has it."""
+    """Return a world's uncertainties, in the certificate's form."""
     if (unknown := world.unknown) is None:
         return None
     around, everywhere = np.zeros((len(world.pieces), 3)), np.ones(len(world.pieces), dtype=bool)

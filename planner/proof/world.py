@@ -1,4 +1,4 @@
-"""The world in which hdplan planned and certified a motion, as `docs/world.md` has it: from the objects in memory.
+"""The world in which hdplan planned and certified a motion, as in `docs/world.md`: from the objects in memory.
 
 All of it comes from what the certificate uses: the robot's reduced model, its geometry and pairs, the scene's shapes,
 limits and targets. No file is read again, so that a checker's own reading of the files is compared with what was
@@ -85,7 +85,7 @@ def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
 
 
 def _also(scene: Scene) -> list[str]:
-    """Return what else the scene wants, which no world can hold."""
+    """Return the scene's further requirements, which no world can hold."""
     slower = scene.timing is not None and scene.timing.scale != 1.0
     return ["planner.objective"] * (scene.planner.objective is not None) + ["timing.scale"] * slower
 
@@ -158,7 +158,7 @@ def _body(robot: Robot, name: str, kind: str, item: Any, shape: Plain) -> Plain:
 
 
 def _loads(setup: Setup) -> Plain:
-    """Return what each joint carries up to the next ones, where torques are limited."""
+    """Return the load of each joint, up to the next ones, where torques are limited."""
     if "torque" not in setup.limits:
         return {}
     found = []

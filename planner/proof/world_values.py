@@ -98,7 +98,7 @@ def plain_geometry(geometry: Any) -> Plain:
     """Return the collision geometry of a link that is no hierarchy of triangles."""
     shape = shape_of(geometry)
     if shape is None:
-        raise TypeError(f"nothing is known of coal's {type(geometry).__name__}")
+        raise TypeError(f"unknown geometry of coal: {type(geometry).__name__}")
     return plain_shape(shape)
 
 

@@ -1,4 +1,4 @@
-"""Commands: what a robot is to do from now on, whatever happens next."""
+"""Commands: the motion of a robot from now until standstill, whatever happens next."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Mode(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Command(ReadOnly):
-    """A motion from now until the robot stands, proven whole: to execute it to its end is safe, whether or not another
-    command follows."""
+    """A motion from now until the robot stands, proven as a whole: it is safe to execute to its end, whether or not
+    another command follows."""
 
     time: float  # of the step, on the clock [s]
     position: Array  # (n,) now [rad or m]
@@ -43,13 +43,12 @@ class Command(ReadOnly):
     seconds: float  # that the step took
 
     def __repr__(self) -> str:
-        """Say the mode, and why."""
+        """Return the mode and the reason, for display."""
         return f"<Command at {self.time:.6g} s: {self.mode.value}{f', {self.why}' if self.why else ''}>"
 
     def at(self, t: ArrayLike) -> Samples:
-        """Return positions, velocities and accelerations at times [s] on the clock, as controllers that sample faster
-        than the steps need them; after the motion's end the robot stands. Raises InputError for times before the
-        command's."""
+        """Return positions, velocities and accelerations at times [s] on the clock, for controllers that sample faster
+        than the steps; after the motion's end the robot stands. Raises InputError for times before the command's."""
         given = as_numbers(t)
         if given is None or not ((times := given - self.time) >= -1e-9).all():
             raise InputError(f"t: must be {self.time:.6g} [s], the command's, or later, found {describe(t)}")

@@ -1,4 +1,4 @@
-"""The motion that is held: rows on the grid of the clock, up to standstill, and what was driven shortly before."""
+"""The current motion: rows on the grid of the clock, up to standstill, and those executed shortly before."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hdplan.planner.replanning.nominal import Rows
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 
-KEPT = 1.0  # [s] of the past that is kept, for states that are measured late
+KEPT_PAST = 1.0  # [s] of the past that is kept, for states that are measured late
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Held:
 
     def joined(self, row: int, rows: Rows) -> Held:
         """Return this motion up to a row, and from there on another one, which begins as this one is there."""
-        first = max(min(self.first, row), row - math.ceil(KEPT / self.grid.h))
+        first = max(min(self.first, row), row - math.ceil(KEPT_PAST / self.grid.h))
         before = [min(max(k - self.first, 0), len(self.rows[0]) - 1) for k in range(first, row)]
         past, velocity, acceleration = (
             np.concatenate([own[before], other]) for own, other in zip(self.rows, rows, strict=True)

@@ -1,4 +1,4 @@
-"""The nominal motion: where the robot is to go, and how far it has come.
+"""The nominal motion: the way of the robot, and its progress.
 
 A motion q = P(s) that begins and ends at rest, in its own time s. It is driven by a law s(t): with ṡ = 1 as it was
 planned, and with ṡ → 0 the robot brakes along the same way. Another motion may take the place of its rest from a row s*
@@ -20,7 +20,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import ReadOnly
 
-STILL = 1e-9  # [rad] or [m] between two rows, and their rates per second: the robot stands
+STILL_STEP = 1e-9  # [rad] or [m] between two rows, and their rates per second: the robot stands
 Rows = tuple[
     NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
 ]  # positions, velocities, accelerations (k, n)
@@ -76,7 +76,7 @@ class Nominal:
         if s >= self.ends:
             return False
         here = self.driven(np.array([[s, 0.0, 0.0]]))[0]
-        return bool(np.abs(self.motion.positions[self.row_after(s) :] - here).max() > STILL)
+        return bool(np.abs(self.motion.positions[self.row_after(s) :] - here).max() > STILL_STEP)
 
     def rest(self, row: int) -> Trajectory | None:
         """Return the rest after a row; None if nothing is."""

@@ -26,8 +26,8 @@ from hdplan.scenes.limits import Limits
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import Goals, JointTarget
 
-SHARES = (1.0, 0.4, 0.0)  # of the room for the obstacles' motion, tried in this order
-LESS = 0.8  # of that room, within which a way counts as free
+ROOM_SHARES = (1.0, 0.4, 0.0)  # of the room for the obstacles' motion, tried in this order
+FREE_SHARE = 0.8  # of that room, within which a way counts as free
 BRAKING_ROOM = {"acceleration": 0.5, "jerk": 0.5}  # share of the limits that a way takes; the rest is for the law on it
 PLANNING_LIMIT = 0.5  # [s] for one way
 
@@ -71,7 +71,8 @@ def outlook(question: Question) -> Answer:
     if kept and _free(question):
         return Answer(question, None)
     why = ""
-    for share in SHARES:
+    moving = any(each.obstacle.moves for each in question.sightings.all.values())
+    for share in ROOM_SHARES if moving else ROOM_SHARES[:1]:  # where nothing moves, no share makes another world
         margin = share * question.horizon
         try:
             return Answer(question, _way(question, margin))
@@ -92,7 +93,7 @@ def _free(question: Question) -> bool:
         return True
     start, goal = _end("start", rest, 0), JointTarget("goal", tuple(rest.positions[-1].tolist()))
     try:
-        scene = _world(question, LESS * nominal.margin, start, goal)
+        scene = _world(question, FREE_SHARE * nominal.margin, start, goal)
         return Certifier(Setup.of(scene, question.robot)).certify(rest, required=nominal.required).certified
     except HdplanError:
         return False

@@ -32,8 +32,8 @@ from hdplan.scenes.sizes import Uncertainty
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import checked, instance
 
-SHORTEST = 2.0**-5  # of the time between two rows, for which a proof looks at a place: it has to be found quickly
-FARTHEST = 1.0  # [m] by which an obstacle may be uncertain; one that may be farther off may be anywhere
+SHORTEST_PART = 2.0**-5  # of the time between two rows, for which a proof examines a place: it has to be found quickly
+LARGEST_UNCERTAINTY = 1.0  # [m] by which an obstacle may be uncertain; one that may be farther off may be anywhere
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Sighting:
             return obstacle
         sizes = obstacle.uncertainty or Uncertainty()
         position = sizes.position + sizes.speed * age
-        if position > FARTHEST:
+        if position > LARGEST_UNCERTAINTY:
             return None
         return replace(obstacle, pose=moved_on(obstacle, age), uncertainty=replace(sizes, position=position))
 
@@ -64,7 +64,11 @@ class Sighting:
         speed = sizes.speed
         if isinstance(obstacle.motion, SteadyMotion):
             speed += float(np.linalg.norm(obstacle.motion.velocity))
-        unknown = Uncertainty(min(sizes.position + speed * margin, FARTHEST), sizes.orientation) if margin else None
+        unknown = (
+            Uncertainty(min(sizes.position + speed * margin, LARGEST_UNCERTAINTY), sizes.orientation)
+            if margin
+            else None
+        )
         return replace(obstacle, pose=moved_on(obstacle, age), motion=None, uncertainty=unknown)
 
 
@@ -107,7 +111,7 @@ class Sightings:
         cloud: Cloud | Obstacle | None,
         poses: Mapping[str, AnyPose] | None,
     ) -> Sightings:
-        """Return the same with what was seen at a time. Raises InputError as `Replanner.update`."""
+        """Return a copy with what was seen at a time. Raises InputError as `Replanner.update`."""
         if at < self.at:
             raise InputError(f"at: must be no earlier than the last picture, {self.at:.6g} s, found {at:.6g} s")
         known, seen, clouded = dict(self.known), dict(self.seen), self.cloud
@@ -190,4 +194,4 @@ class Picture:
         motion = Trajectory(robot.joint_names, position, robot.locked, times, velocity, acceleration)
         ends = len(position) - 2, 1.0  # where most is unknown: what cannot be proven mostly fails there
         certifier = self.certifier.between(start, goal)
-        return certifier.certify(motion, required=required, suspect=ends, shortest=SHORTEST, measured=False)
+        return certifier.certify(motion, required=required, suspect=ends, shortest=SHORTEST_PART, measured=False)

@@ -1,7 +1,7 @@
 """The replanner: at each moment it holds a motion that is proven until the robot stands.
 
-What is proven, and when. The motion that is held, H, is rows on a grid of the clock, up to standstill. `step` looks for
-another one, N, that leaves H at a row t₁ = t + period + latency: it goes on along the nominal motion for one more
+What is proven, and when. The motion that is held, H, is rows on a grid of the clock, up to standstill. `step` seeks
+another one, N, that leaves H at a row t₁ = t + period + latency: it continues along the nominal motion for one more
 period, and then brakes along the same way (`failsafe`). N is certified from t₁ until it stands, against the last
 picture, in every world within the sizes of the scene: what was seen at t₀ with a speed v is anywhere within v (τ − t₀)
 of there at the time τ (`picture`). Only then H becomes H until t₁ and N after it. In every other case, a late call, no
@@ -14,7 +14,7 @@ scene says of the world: that nothing is faster than its `uncertainty.speed`, th
 `robot.tracking` of the command, and that nothing that was in no picture comes into reach before a motion ends. What
 comes to a robot that stands is not its contact.
 
-Ways are looked for beside the steps (`outlook`), and only say where to go. They are not trusted.
+Ways are sought beside the steps (`outlook`), and only say where to go. They are not trusted.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ from hdplan.scenes.shapes import Solid
 from hdplan.scenes.targets import AnyGoal, Goals, JointTarget
 from hdplan.scenes.values import Number, checked, describe, functions, instance
 
-ROWS = 4  # of the grid in a period: what begins at a row waits for it
-OFF = 1e-6  # [rad] or [m] by which a measured joint may be off beyond `robot.tracking`, from rounding
+ROWS_PER_PERIOD = 4  # of the grid in a period: what begins at a row waits for it
+MEASURED_EXCESS = 1e-6  # [rad] or [m] by which a measured joint may be off beyond `robot.tracking`, from rounding
 AT_REST = 1e-2  # [rad/s] or [m/s] of a measured joint, below which a robot that is off its motion counts as standing
 FIRST_HORIZON = 0.5  # [s] until one was measured
-FORGETS = 0.95  # share of the horizon that is kept from one step to the next, as motions near an end are short
-LATEST = 1e10  # [s] on any clock: later, times are no longer apart
-SHARE = 0.8  # of a period, for the proofs of a step
+HORIZON_KEPT = 0.95  # share of the horizon that is kept from one step to the next, as motions near an end are short
+LATEST_TIME = 1e10  # [s] on any clock: later, times are no longer apart
+PROOF_SHARE = 0.8  # of a period, for the proofs of a step
 
 
 class Measured(NamedTuple):
@@ -70,11 +70,11 @@ class Measured(NamedTuple):
 
 
 class Replanner:
-    """Moves a robot to its goal in a world that is seen again and again, never without a proven stop.
+    """Moves a robot to its goal in a world that cameras keep updating, never without a proven stop.
 
         replanner = hdplan.Replanner(scene)
         replanner.update(obstacles=seen, at=t_of_the_picture)     # from the camera's thread
-        replanner.state(q, dq)                                    # what was measured
+        replanner.state(q, dq)                                    # the measured state
         command = replanner.step(t)                               # every period; safe to execute to its end
 
     All times are on one clock, such as `time.monotonic()`. `update`, `state`, `aim` and `step` may be called from
@@ -103,7 +103,7 @@ class Replanner:
             period: [s] between two steps. A step that takes longer holds what was proven before.
             latency: [s] after a step until the robot executes its command.
             settling: [s] for which joints may still move, within `robot.tracking`, once the command stands.
-            clock: tells the time [s]; by default time goes on from a step's `t` as the processor's does.
+            clock: tells the time [s]; by default time continues from a step's `t` as the processor's does.
             executor: the executor of the search for ways; by default a thread of the replanner's own.
 
         Raises InputError for errors in the scene or robot, and for a scene that says when its motion has to end.
@@ -132,14 +132,16 @@ class Replanner:
         self.robot = setup.robot
         start = self.robot.configuration(scene.start, scene.from_request)
         self._scene, self._clock = setup.requested, clock
-        self._grid = Grid(at, self._period / ROWS)
+        self._grid = Grid(at, self._period / ROWS_PER_PERIOD)
         self._lags = tracking(scene, self.robot)
         self._speeds = setup.limits["velocity"] + tracking(scene, self.robot, "velocity")
-        self._motions = FailsafeMotions(setup.limits, self._grid.h, ROWS + 1)
+        self._motions = FailsafeMotions(setup.limits, self._grid.h, ROWS_PER_PERIOD + 1)
         self._held = Held.standing(self._grid, 0, start)
         self._course: Course | None = None
         self._ways = Ways(self.robot, executor)
         self._now = -math.inf  # of the last step
+        self._stepped = math.inf, 0.0  # its time, and the processor's then [s]: none yet
+        self._closed = False
         self._off = ""  # how the robot is not where it is to be
         self._measured: Measured | None = None  # a state that no step has used yet
         self._measured_at = -math.inf  # when the last one was [s]
@@ -151,7 +153,7 @@ class Replanner:
         self._picture = Picture(self._seen, self.robot, start)
 
     def __repr__(self) -> str:
-        """Say for which robot it is."""
+        """Return its robot, for display."""
         return f"<Replanner of {self.robot.name}: every {self._period:g} s>"
 
     @property
@@ -180,8 +182,9 @@ class Replanner:
         self.close()
 
     def close(self) -> None:
-        """End the thread of its own; the last command stays safe."""
+        """End the replanner's own thread; the last command stays safe, and no step follows."""
         with self._steps:
+            self._closed = True
             self._ways.close()
 
     def update(
@@ -192,20 +195,20 @@ class Replanner:
         *,
         at: float,
     ) -> None:
-        """Take a picture of the world, of any of three kinds; what is left out stays as it was seen before.
+        """Take a picture of the world; arguments that are left out keep their last values.
 
         Args:
-            obstacles: all that is there beside the scene's own obstacles, in the place of what was seen before; one
-                with the name of one of the scene's stands in for it. `motion` may hold a steady velocity and spin that
-                were measured, and `uncertainty` how far it may be off, and how fast it may leave after `at`.
-            cloud: what a camera sees, in the place of the last cloud.
-            poses: where known obstacles are, by name.
-            at: when the picture was taken [s], not when it arrives.
+            obstacles: all obstacles besides the scene's own, in place of those of the last picture; one with the name
+            of a scene's obstacle replaces it. `motion` may hold its measured steady velocity and spin, and
+            `uncertainty` how far it may be off its pose, and how fast it may leave after `at`. cloud: the points of a
+            camera, in place of the last cloud. poses: new poses of known obstacles, by name. at: time of the exposure
+            [s], not of its arrival.
 
-        What it takes is done here and not in a step, so call it in the camera's thread. Raises InputError for obstacles
-        that no scene can have, unknown names, and a picture that is older than the last one; nothing has changed then.
+        The work is done here and not in a step, so call `update` in the camera's thread. Raises InputError for
+        obstacles that no scene can have, unknown names, and a picture that is older than the last one or of the future;
+        nothing has changed then.
         """
-        at = _moment(at, "at")
+        at = self._past(_moment(at, "at"))
         with self._updates:
             seen = self._seen.updated(at, obstacles, cloud, poses)
             picture = Picture(seen, self.robot, self._held.at(at)[0])
@@ -219,6 +222,7 @@ class Replanner:
         setup = Setup.of(scene, self.robot)
         _check_goal(setup)
         with self._steps:
+            self._refuse_closed()
             self._scene = setup.requested
             self._ways.forget(reaches=False)
             if not self._off and self._now > -math.inf:  # the next step may then have a way already
@@ -226,41 +230,42 @@ class Replanner:
                 self._ask(row, moves=self._hopeful and self._now < self._grid.time(self._held.last))
 
     def state(self, q: ArrayLike, dq: ArrayLike, at: float | None = None) -> None:
-        """Take what was measured of the joints: positions q and velocities dq (n,), at a time [s], by default that of
+        """Take the measured state of the joints: positions q and velocities dq (n,), at a time [s], by default that of
         the last step.
 
-        A robot that is not within `robot.tracking` of its motion brakes along it, and goes on from where it then
-        stands. Raises InputError for wrong numbers of values, NaN, and values that the joints cannot have; the motion
-        that is held stays as it is. So does a state that is older than the last one.
+        A robot that is not within `robot.tracking` of its motion brakes along it, and continues from the place where it
+        then stands. Raises InputError for wrong numbers of values, NaN, and values that the joints cannot have; the
+        current motion stays in force. A state that is older than the last one, or of the future, raises it, too.
         """
         joints = self.robot.joint_names
         found, rates = joint_numbers("q", q, joints), joint_numbers("dq", dq, joints)
-        over = np.maximum(self.robot.lower - found, found - self.robot.upper) - self._lags - OFF
+        over = np.maximum(self.robot.lower - found, found - self.robot.upper) - self._lags - MEASURED_EXCESS
         if (i := int(over.argmax())) >= 0 and over[i] > 0.0:
             low, high = self.robot.lower[i], self.robot.upper[i]
             raise InputError(f"q: joint '{joints[i]}' is at {found[i]:g}, its range is [{low:g}, {high:g}]")
-        over = np.abs(rates) - self._speeds * (1.0 + OFF) - OFF
+        over = np.abs(rates) - self._speeds * (1.0 + MEASURED_EXCESS) - MEASURED_EXCESS
         if over[i := int(over.argmax())] > 0.0:
             raise InputError(f"dq: joint '{joints[i]}' is at {rates[i]:g}, its limit is {self._speeds[i]:g}")
         with self._steps:
-            when = max(self._now, self._grid.origin, self._measured_at) if at is None else _moment(at, "at")
+            last = max(self._now, self._grid.origin, self._measured_at)
+            when = last if at is None else self._past(_moment(at, "at"))
             if when < self._measured_at:
                 last = self._measured_at
                 raise InputError(f"at: must be no earlier than the last state, {last:.6g} s, found {when:.6g} s")
             self._measured, self._measured_at = Measured(when, found, rates), when
 
     def step(self, t: float) -> Command:
-        """Return what the robot is to do from now, t [s]: the motion that is held, longer by a piece if that could
-        be proven.
+        """Return the command for now, t [s]: the current motion, extended by a piece if that could be proven.
 
-        Raises InputError for a time that is not a number, or before the last step's.
+        Raises InputError for a time that is not a number, or earlier than the last step, and after `close`.
         """
         began = time.perf_counter()
         t = _moment(t, "t")
         with self._steps:
+            self._refuse_closed()
             if t < self._now:
                 raise InputError(f"t: must be no earlier than the last step, {self._now:.6g} s, found {t:.6g} s")
-            self._now = t
+            self._now, self._stepped = t, (t, began)
             self._compare(self._time(t, began))
             picture, row = self._picture, self._grid.after(t + self._period + self._latency)
             why, moves = self._hindrance(picture, self._time(t, began)), False
@@ -271,8 +276,19 @@ class Replanner:
                 self._ask(row, moves)
             return self._command(t, why, time.perf_counter() - began)
 
+    def _past(self, at: float) -> float:
+        """Return a time at which something was seen or measured. Raises InputError for one that is more than a period
+        beyond now, as all that is true would then be older; without a clock, the first step tells the time."""
+        if at > (now := self._time(*self._stepped)) + self._period:
+            raise InputError(f"at: must be no later than now, {now:.6g} s, found {at:.6g} s")
+        return at
+
+    def _refuse_closed(self) -> None:
+        if self._closed:
+            raise InputError("the replanner is closed: its last command stays safe, and a new replanner goes on")
+
     def _ask(self, row: int, moves: bool) -> None:
-        """Ask about the way, for a course that goes on from a row of the clock."""
+        """Request a check of the way, for a course that continues from a row of the clock."""
         self._ways.ask(self._scene, self._seen, self._now, self._horizon, self._held, self._course, row, moves)
 
     # --- a step -------------------------------------------------------------------------------------------------------
@@ -286,7 +302,7 @@ class Replanner:
         self._measured, self._off = None, ""
         expected = self._held.at(measured.at)[0]
         q = self.robot.nearest_turn(measured.q, expected)  # an encoder may begin each turn at 0
-        away = np.abs(q - expected) - self._lags - OFF
+        away = np.abs(q - expected) - self._lags - MEASURED_EXCESS
         i = int(away.argmax())
         if away[i] <= 0.0:
             return
@@ -299,7 +315,7 @@ class Replanner:
             self._ways.forget(reaches=True)
 
     def _hindrance(self, picture: Picture, now: float) -> str:
-        """Say why nothing can be proven in this step; nothing if something may."""
+        """Return the reason why nothing can be proven in this step; nothing if something may."""
         if self._off:
             return self._off
         if self._measured is not None:
@@ -330,7 +346,7 @@ class Replanner:
                     return False, ""
                 certificate = self._proof(picture, row, motion.rows, course.nominal, began)
                 stands = self._grid.time(row + len(motion.law) - 1) + self._settling
-                self._horizon = max(stands - picture.at, FORGETS * self._horizon)
+                self._horizon = max(stands - picture.at, HORIZON_KEPT * self._horizon)
                 if isinstance(certificate, str) or not certificate.certified:
                     why = certificate if isinstance(certificate, str) else certificate.text
                     continue
@@ -345,7 +361,7 @@ class Replanner:
 
     def _proof(self, picture: Picture, row: int, rows: Rows, nominal: Nominal, began: float) -> Certificate | str:
         """Return the certificate of a motion that begins at a row, or why there was no time for it."""
-        left = None if self._clock is not None else SHARE * self._period - (time.perf_counter() - began)
+        left = None if self._clock is not None else PROOF_SHARE * self._period - (time.perf_counter() - began)
         if left is not None and left <= 0.0:
             return "the step took longer than its period"
         try:
@@ -391,6 +407,6 @@ def _check_goal(setup: Setup) -> None:
 
 def _moment(t: float, name: str) -> float:
     """Return a time on the clock. Raises InputError for anything else."""
-    if isinstance(t, bool) or not isinstance(t, (int, float, np.integer, np.floating)) or not abs(t) <= LATEST:
+    if isinstance(t, bool) or not isinstance(t, (int, float, np.integer, np.floating)) or not abs(t) <= LATEST_TIME:
         raise InputError(f"{name}: must be a finite time [s], found {describe(t)}")
     return float(t)

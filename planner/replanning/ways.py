@@ -1,4 +1,5 @@
-"""Ways that are requested beside the steps: when one is requested, what was answered, and where the robot joins it."""
+"""Ways that are requested beside the steps: the time of a request, its answer, and the place where the robot joins
+it."""
 
 from __future__ import annotations
 
@@ -16,8 +17,9 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.scene import Scene
 
 AHEAD, MOST_AHEAD = 0.1, 1.0  # [s] of the nominal motion before its rest is replaced, at least and at most
-SOONER, LATER = 0.7, 1.3  # times the last lead that the next one has at least, and times what the last answer took
-AGAIN = 0.2  # [s] from a way that was not found, or did not help, to the next search
+LEAST_LEAD = 0.7  # of the last lead: the next one is at least this share of it
+LEAD_PER_ANSWER = 1.3  # lead over the time of the last answer
+SEARCH_PAUSE = 0.2  # [s] from a way that was not found, or did not help, to the next search
 
 
 class Ways:
@@ -54,12 +56,14 @@ class Ways:
         if self._pending is not None and self._pending.done():
             future, self._pending = self._pending, None
             answer, self.why = _heard(future)
-            self._lead = min(max(AHEAD, SOONER * self._lead, LATER * (now - self._pending_since)), MOST_AHEAD)
+            self._lead = min(
+                max(AHEAD, LEAST_LEAD * self._lead, LEAD_PER_ANSWER * (now - self._pending_since)), MOST_AHEAD
+            )
             self._waiting = None
             if answer is not None and answer.way is not None and self._question is not None:
                 self._waiting = replace(answer, question=self._question)
             if self.why:
-                self._not_before = now + AGAIN
+                self._not_before = now + SEARCH_PAUSE
         joined = self.waiting(held, course, row)
         if joined is None or self._waiting is None:
             if self._waiting is None or not _stops_there(held, self._waiting.question):
@@ -105,7 +109,7 @@ class Ways:
         proven for a while."""
         if self._pending is not None or self._waiting is not None or now < self._not_before:
             return
-        new = seen is not self._pending_view or (not moves and now >= self._pending_since + AGAIN)
+        new = seen is not self._pending_view or (not moves and now >= self._pending_since + SEARCH_PAUSE)
         if course is not None and self.reaches and (course.arrives or not new):
             return
         standing = None if course is not None and moves else held.stop
@@ -121,7 +125,7 @@ class Ways:
         try:
             self._pending = self._executor.submit(outlook, question)
         except RuntimeError as error:  # it was shut down
-            self.why, self._not_before = f"no way is searched: {error}", now + AGAIN
+            self.why, self._not_before = f"no way is searched: {error}", now + SEARCH_PAUSE
 
 
 def _stops_there(held: Held, question: Question) -> bool:

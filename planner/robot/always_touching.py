@@ -1,4 +1,4 @@
-"""Pairs of links that touch whatever the joints between them do: a proof, by balls inside both.
+"""Pairs of links that touch at all values of the joints between them: a proof, by balls inside both.
 
 Inside each link lie balls B(c, r): c deep in the solid, r less than the distance to its surface; points of the surface
 are balls of radius 0. Two balls have a point in common while |c − c'| < r + r', so the links touch at a configuration q
@@ -39,8 +39,8 @@ POINTS = 512  # of a grid in a geometry's bounding box, tried as centres
 MOST_BALLS = 40  # of one geometry
 MOST_CORNERS = 200  # vertices of one mesh that count as balls of radius 0
 MOST_TRIANGLES = 2000  # of a mesh that is examined
-SPREAD = 0.6  # of a ball's radius: centres within are not tried, as their balls are nearly in it
-MOST_CELLS = 150  # looked at for one pair; if they do not do, the pair is not proven
+CENTRE_SPACING = 0.6  # of a ball's radius: centres within are not tried, as their balls are nearly in it
+MOST_CELLS = 150  # examined for one pair; if they do not do, the pair is not proven
 
 
 def always_touching(robot: Robot, pairs: Iterable[LinkPair], room: float) -> tuple[LinkPair, ...]:
@@ -179,7 +179,7 @@ def _balls(geometry: Any, deep: bool) -> Balls:
     for i in np.argsort(-depths).tolist():
         if depths[i] <= ROUNDING or len(radii) >= MOST_BALLS + len(corners):
             break
-        if (np.linalg.norm(centres - points[i], axis=1) >= SPREAD * radii).all():
+        if (np.linalg.norm(centres - points[i], axis=1) >= CENTRE_SPACING * radii).all():
             centres, radii = np.vstack([centres, points[i]]), np.append(radii, depths[i] - ROUNDING)
     return centres, radii
 

@@ -1,4 +1,4 @@
-"""The state of a robot when it was loaded: robots are shared, and whoever has one can change its Pinocchio models.
+"""The state of a robot when it was loaded: robots are shared, and every user of one can change its Pinocchio models.
 
 A copy of everything in a robot that can be changed, against which the robot is compared when it is used: models by
 Pinocchio's and coal's own comparison, which covers inertias, limits, placements and every vertex (0.1 ms for an arm, a

@@ -1,4 +1,4 @@
-"""Content of robots, for keys of the cache: what tells one kinematic tree, or one geometry, from another."""
+"""Content of robots, for keys of the cache: the data that distinguish kinematic trees, or geometries."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class EndRates(ReadOnly):
 
 
 def end_rates(robot: Robot, target: JointTarget | Goals, from_request: bool) -> EndRates | None:
-    """Return the rates of a scene's start or goal; None for one that asks for none, at which motions rest.
+    """Return the rates of a scene's start or goal; None for an end at rest.
 
     Rates of joints that are held must be 0, and those of joints that follow others must agree with theirs; those that
     are not named are 0. Raises InputError for these, for a wrong number of values, and for unknown names; with

@@ -6,7 +6,7 @@ Both are found once for a robot and kept on disk by the content of everything th
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,32 +20,37 @@ if TYPE_CHECKING:
     from hdplan.planner.robot.robot import Robot
 
 VERSION = "1"  # to be changed with anything that changes which pairs are found, so that old cache entries are not used
-FIRST = 20  # samples at which most pairs are seen apart, in a moment
+FIRST_SAMPLES = 20  # samples at which most pairs are seen apart, in a moment
 
 
 def lasting_contacts(robot: Robot, pairs: Iterable[LinkPair]) -> tuple[tuple[LinkPair, ...], tuple[LinkPair, ...]]:
     """Return the pairs that touch at each of CONTACT_SAMPLES random configurations (fixed seed), and the pairs among
     these with a proof that they always touch (`always_touching`), up to EXCESS beyond the limits."""
     samples = robot.draw(np.random.default_rng(0), CONTACT_SAMPLES)
-    left = in_contact(robot, pairs, samples[:FIRST])
+    left = in_contact(robot, pairs, samples[:FIRST_SAMPLES])
     if not left:
         return (), ()
     content = _content(robot, left)
     key = None if content is None else content_key(VERSION, *content)
-    known = None if key is None else load("lasting_contacts", key)
+    known = None if key is None else load("lasting_contacts", key, _pairs)
     if known is not None:
-        touching, proven = ({(a, b) for a, b in row} for row in known)
+        touching, proven = known
         return tuple(pair for pair in left if pair in touching), tuple(pair for pair in left if pair in proven)
-    touch = in_contact(robot, left, samples[FIRST:])
+    touch = in_contact(robot, left, samples[FIRST_SAMPLES:])
     always = always_touching(robot, touch, EXCESS)
     if key is not None:
         store("lasting_contacts", key, [touch, always])
     return touch, always
 
 
+def _pairs(value: Any) -> tuple[set[LinkPair], set[LinkPair]]:
+    touching, proven = ({(a, b) for a, b in row} for row in value)
+    return touching, proven
+
+
 def _content(robot: Robot, pairs: Iterable[LinkPair]) -> Parts | None:
-    """Return what determines the result: the tree, the limits, the joints that follow others, the pairs, and their
-    links' geometry; None where a geometry is of an unknown kind."""
+    """Return the data that determine the result: the tree, the limits, the joints that follow others, the pairs, and
+    their links' geometry; None where a geometry is of an unknown kind."""
     model = robot.model
     limits = (robot.lower, robot.upper, model.lowerPositionLimit, model.upperPositionLimit)
     parts: Parts = [*tree_content(model), *(limit.tobytes() for limit in limits)]

@@ -125,7 +125,7 @@ class Linkage(ReadOnly):
         return found
 
     def rule(self, joint: str) -> str:
-        """Say how a follower moves."""
+        """Return, in words, how a follower moves."""
         at = self.names.index(joint)
         leader = self.names[self.own[self.leader[at]]]
         add = float(self.offset[at])
@@ -134,7 +134,7 @@ class Linkage(ReadOnly):
 
     @property
     def no_torques(self) -> str:
-        """Say why the joints' torques are not known."""
+        """Return the reason why the joints' torques are not known."""
         return f"torques are not known where {self.rule(self.followers[0])}: no URDF says how they share the load"
 
     def check(self, q: Array, named: Mapping[str, float], where: str, within: float) -> None:

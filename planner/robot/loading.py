@@ -171,7 +171,7 @@ def _with_pairs(robot: Robot, apart: Iterable[LinkPair], tree: Tree, semantics: 
         notes.append(f"link pairs that are proven always to touch, not checked: {_words(always)}")
     if doubtful := tuple(pair for pair in touching if pair not in unchecked):
         notes.append(
-            f"link pairs in contact at each of {CONTACT_SAMPLES} sampled configurations, which is no proof, so they "
+            f"link pairs in contact at each of {CONTACT_SAMPLES} sampled configurations, which is not a proof, so they "
             f"are checked: {_words(doubtful)}; name them in robot.ignore_pairs, or an SRDF, if they may touch"
         )
     pairs = tuple(pair for pair in every if pair not in unchecked)

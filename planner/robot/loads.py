@@ -17,7 +17,7 @@ from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.scene import Scene
 
-MASS = 1e-6  # [–] and [kg] by which sums of masses may differ: rounding
+MASS_ROUNDING = 1e-6  # [–] and [kg] by which sums of masses may differ: rounding
 
 
 def loaded_model(scene: Scene, robot: Robot) -> pin.Model:
@@ -75,7 +75,11 @@ def loads_in(model: pin.Model, scene: Scene, robot: Robot) -> tuple[str, ...]:
     if scene.payload is not None:
         masses["payload"] = scene.payload.mass
     more = _whole_mass(model) - _whole_mass(robot.model)
-    return tuple(masses) if math.isclose(more, math.fsum(masses.values()), rel_tol=MASS, abs_tol=MASS) else ()
+    return (
+        tuple(masses)
+        if math.isclose(more, math.fsum(masses.values()), rel_tol=MASS_ROUNDING, abs_tol=MASS_ROUNDING)
+        else ()
+    )
 
 
 def moved_mass(model: pin.Model) -> float:

@@ -1,4 +1,4 @@
-"""The joints of a robot that are planned: those that `robot.group` asks for, or else the arm's."""
+"""The joints of a robot that are planned: those that `robot.group` names, or else the arm's."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def planned_joints(
 
 
 def _hands(model: pin.Model, movable: list[str], followers: Mapping[str, list[str]]) -> set[str]:
-    """Return the joints that drive a hand, held unless robot.group asks for them: those with followers where one of
+    """Return the joints that drive a hand, held unless robot.group requires them: those with followers where one of
     them has a finger's name, or none of them carries another joint of the arm."""
     arm = [joint for joint in movable if not followers[joint] and not GRIPPER.search(joint)]
     below = {index for joint in arm for index in model.supports[model.getJointId(joint)]}

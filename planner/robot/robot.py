@@ -93,7 +93,7 @@ class Robot:
 
     @cached_property
     def unfolded(self) -> Robot:
-        """The same robot with followers as joints like any other, within what the planned ones' limits leave them;
+        """A copy of the robot with followers as ordinary joints, within what the planned ones' limits leave them;
         itself where nothing follows. Its configurations are those of `expand`."""
         if self.linkage is None:
             return self
@@ -107,8 +107,8 @@ class Robot:
         return q if self.linkage is None else self.linkage.expand(q)
 
     def fold(self, wrench: Array) -> Array:
-        """Return what derivatives (..., m) with respect to all joints of the model are with respect to the planned ones
-        (..., n)."""
+        """Return the derivatives (..., n) with respect to the planned joints, from those (..., m) with respect to all
+        joints of the model."""
         return wrench if self.linkage is None else self.linkage.fold(wrench)
 
     @property
@@ -117,10 +117,11 @@ class Robot:
         return tuple(pair for pair, reason in self.unchecked.items() if reason == NEVER_TOUCHING)
 
     def doubt(self, pairs: Iterable[tuple[str, str]]) -> str:
-        """Say of links in contact that they touch wherever it was tried, and what to do; empty if none of them does."""
+        """Return a hint on links in contact that touched at every sample, with the remedy; empty if none of them
+        did."""
         for a, b in (pair for pair in pairs if link_pair(*pair) in self.doubtful):
             return (
-                f"; links {a} and {b} touch at each of {CONTACT_SAMPLES} sampled configurations, which is no proof: "
+                f"; links {a} and {b} touch at each of {CONTACT_SAMPLES} sampled configurations, which is not a proof: "
                 "name them in robot.ignore_pairs, or an SRDF, if they may"
             )
         return ""
@@ -169,7 +170,7 @@ class Robot:
     def configuration(self, target: JointTarget, from_request: bool = False) -> Array:
         """Return the joint values (n,) of a scene's start or goal.
 
-        A MoveIt request is about the whole robot and is rounded: with `from_request` unknown names are ignored, values
+        A MoveIt request describes the whole robot and is rounded: with `from_request` unknown names are ignored, values
         for joints that are not planned must be those at which they are held, and limits may be exceeded by
         LIMIT_ROUNDING. Otherwise names of unknown or held joints are refused.
 

@@ -30,7 +30,7 @@ from hdplan.scenes.targets import JointTarget
 
 KEPT_ROBOTS = 8  # robots kept
 _kept: OrderedDict[Hashable, Robot] = OrderedDict()
-_loading = ForkSafeLock()  # one robot at a time: threads that ask for the same one must get the same object
+_loading = ForkSafeLock()  # one robot at a time: threads that require the same one must get the same object
 
 
 def load_scene_robot(scene: Scene) -> Robot:

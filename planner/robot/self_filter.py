@@ -29,7 +29,7 @@ from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.scene import Scene, derived
 
-SHARE = 0.75  # of the margin: edge of the cubes whose points are settled together
+CUBE_SHARE = 0.75  # of the margin: edge of the cubes whose points are settled together
 # [m] coal's distance and that of its own witness points differ by more only where coal is wrong
 DOUBTFUL_DIFFERENCE = 1e-5
 
@@ -99,7 +99,7 @@ def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple
         words.append(text)
         near |= found
     if near.all():
-        raise InputError(f"{where}.cloud: all of its {len(near)} points are to be ignored")
+        raise InputError(f"{where}.cloud: all of its {len(near)} points would be ignored")
     if not near.any() and not stay:
         return obstacle, "", np.empty((0, 3))
     kept = replace(cloud, points=FixedArray(balls.array[~near, :3]), radius=_radius(cloud, balls.array[~near, 3]))
@@ -147,8 +147,8 @@ def _robot_at_start(robot: Robot, scene: Scene, links: tuple[str, ...]) -> Seque
 
 
 def _within(geometry: Any, pose: Array, points: Array, margin: float, candidates: Mask) -> Mask:
-    """Tell which of the points (m, 3) are within `margin` [m] of a solid, or in it. A doubtful point is not: it stays
-    an obstacle.
+    """Return a mask of the points (m, 3) that are within `margin` [m] of a solid, or in it. A doubtful point is not: it
+    stays an obstacle.
 
     A distance changes by no more than one moves: that of the middle of a small cube settles most of the points in it.
     """
@@ -158,7 +158,7 @@ def _within(geometry: Any, pose: Array, points: Array, margin: float, candidates
     found: Mask = candidates & ((local >= box.min_ - margin) & (local <= box.max_ + margin)).all(axis=1)
     rows = np.flatnonzero(found)
     if len(rows) and margin > 0.0:
-        order, first = grouped(local[rows], SHARE * margin)
+        order, first = grouped(local[rows], CUBE_SHARE * margin)
         rows, count = rows[order], np.diff(np.append(first, len(rows)))
         low, high = np.minimum.reduceat(local[rows], first), np.maximum.reduceat(local[rows], first)
         middle = 0.5 * (low + high)
@@ -176,8 +176,8 @@ def _within(geometry: Any, pose: Array, points: Array, margin: float, candidates
 
 
 def _half_surrounded(geometry: Any, pose: Array, points: Array, candidates: Mask) -> Mask:
-    """Tell which of the points (m, 3) a mesh with holes surrounds by more than half; none for other solids, and for
-    one-sided meshes, which have no inside."""
+    """Return a mask of the points (m, 3) that a mesh with holes surrounds by more than half; none for other solids, and
+    for one-sided meshes, which have no inside."""
     found = np.zeros(len(points), dtype=bool)
     if not isinstance(geometry, coal.BVHModelBase) or not (solid := _solid(geometry)).open:
         return found
@@ -191,7 +191,7 @@ def _half_surrounded(geometry: Any, pose: Array, points: Array, candidates: Mask
 
 @functools.lru_cache(maxsize=64)
 def _solid(geometry: Any) -> Solid:
-    """Return what a mesh bounds."""
+    """Return the solid that a mesh bounds."""
     return Solid(mesh_of(geometry))
 
 

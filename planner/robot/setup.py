@@ -78,7 +78,7 @@ class Setup:
 
     @classmethod
     def _read(cls, scene: Scene, robot: Robot) -> Setup:
-        """Read the files of a scene with its robot, and leave out what it asks to ignore."""
+        """Read the files of a scene with its robot, and leave out the points that it ignores."""
         requested = _with_links(scene, robot)
         read = opened(requested)
         seen = self_filtered(requested, read, robot)
@@ -89,16 +89,16 @@ class Setup:
         return cls(seen.scene, robot, units=units, ignored=seen.notes, filtered_points=seen.points, requested=requested)
 
     def seeing(self, requested: Scene) -> Setup:
-        """Return the same robot, which was checked, in its scene seen anew: with other obstacles, or another start.
+        """Return the same robot, which was checked, in an updated scene: with other obstacles, or another start.
         Raises InputError for files that cannot be used."""
         return Setup._read(requested, self.robot)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
-        """Return the same with another goal."""
+        """Return a copy with another goal."""
         return replace(self if goal is self.scene.goal else self.changed(goal=goal), aimed=True)
 
     def changed(self, **fields: Any) -> Setup:
-        """Return the same with other fields of its scene. Raises InputError for what no scene can have, and for files
+        """Return a copy with other fields of its scene. Raises InputError for what no scene can have, and for files
         that cannot be used."""
         requested = derived(self.requested, **fields)
         return replace(
@@ -123,7 +123,7 @@ class Setup:
 
     @cached_property
     def rates(self) -> tuple[EndRates | None, EndRates | None]:
-        """Rates of the robot at the scene's start and goal; None for an end that asks for nothing, at rest.
+        """Rates of the robot at the scene's start and goal; None for an end at rest.
         Raises InputError, naming the scene's file, for rates that do not fit the robot."""
         scene = self.scene
         with naming(scene.source):

@@ -1,4 +1,5 @@
-"""By how much joints may be off a motion while it is executed: a scene's `robot.tracking`, one value for each joint."""
+"""Largest deviations of joints from a motion during its execution: a scene's `robot.tracking`, one value for each
+joint."""
 
 from __future__ import annotations
 

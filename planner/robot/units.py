@@ -1,5 +1,5 @@
-"""Values that were hardly meant in the units that hdplan takes: angles beyond a turn, and meshes far larger than the
-robot. They stand as they are, and notes ask."""
+"""Values that are unlikely in hdplan's units: angles beyond a turn, and meshes far larger than the robot. They are used
+unchanged, with a note."""
 
 from __future__ import annotations
 

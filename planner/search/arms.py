@@ -1,4 +1,4 @@
-"""Arms of one robot that only meet each other: ways of each alone, along which trees lead them all together.
+"""Arms of one robot that only meet each other: ways of each alone, which guide the trees of all.
 
 What several arms span has as many dimensions as they have joints, and nearly every random configuration has one of them
 in contact. An arm without the others soon finds a way, as trees of its own joints look at its own pairs alone. Targets

@@ -8,8 +8,9 @@
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"
 
-#define MOST 131072.0 /* intervals that a line may need: nothing is said of a longer one */
-#define WIDE 0.15 /* [m] of what moves most, in an interval that is looked at in the middle alone: gaps would be in vain */
+#define MOST 131072.0 /* intervals that a line may need; a longer one counts as not free */
+/* [m] of what moves most; the gaps of a wider interval would not last until its ends, and are left out */
+#define WIDE 0.15
 
 long long line_numbers(const space* of) {
   return 4 * of->pairs + 2 * of->arm->n + 12 * of->arm->joints + 6 * of->arm->n;
@@ -121,9 +122,9 @@ static double gap_through(const line* along, const keeping* kept, long long pair
   return least - half * half * bend_of(along, kept, pair);
 }
 
-/* Look at the pairs that are active in the middle of an interval of half width `half`, and put those first of which it
-   says nothing about the whole; returns their number, or −1 where one, put first of all, is too near. Where the interval
-   is wide, gaps are measured to no end but that. */
+/* Look at the pairs that are active in the middle of an interval of half width `half`, and put first those that it
+   leaves open over the whole; returns their number, or −1 where one, put first of all, is too near. In a wide
+   interval, gaps are measured for this alone. */
 static long long left_open(line* along, double half, int wide, long long count) {
   long long open = 0;
   for (long long k = 0; k < count; ++k) {
@@ -146,9 +147,9 @@ static long long left_open(line* along, double half, int wide, long long count) 
   return open;
 }
 
-/* The end of the free part that begins at `low`, of the interval up to `high`, by the first `count` active pairs. Which
-   pair is met is said wherever that is not `high`: one that is too near in the middle may be proven to be free until there,
-   but for rounding. */
+/* The end of the free part that begins at `low`, of the interval up to `high`, by the first `count` active pairs. The
+   pair that is met goes to `hit` wherever the end is not `high`: one that is too near in the middle may be proven to be
+   free until there, but for rounding. */
 static double end_of(line* along, double low, double high, long long count) {
   const double middle = 0.5 * (low + high), half = 0.5 * (high - low);
   place_between(along, middle);

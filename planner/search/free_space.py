@@ -1,4 +1,4 @@
-"""Free space by exact geometry: what a motion has to keep, as a C struct that says whether straight lines do.
+"""Free space by exact geometry: a motion's requirements as a C struct, which tests straight lines.
 
 They are measured by the exact distances of the links' hulls (`free_loop.c`): every line that is reported free is
 proven to be, by the gap in the middle of an interval and how far anything can move until its ends; but for links whose

@@ -29,9 +29,8 @@ TOLERANCE_SHARE = 0.75  # share of the tolerance
 
 
 def sliding(certifier: Certifier, goal: JointTarget, required: float) -> Slide | None:
-    """Return what moves the end of a motion from configuration `goal` along the set of the scene's goal that it was
-    chosen from, where it keeps `required` [m]. None where there is no choice, and with path constraints, as the end
-    would have to keep them too."""
+    """Return the function that moves the end of a motion from configuration `goal` along its goal set, where it keeps
+    `required` [m]. None where there is no choice, and with path constraints, as the end would have to keep them too."""
     scene = certifier.scene
     if isinstance(scene.goal, JointTarget) or scene.path != PathConstraints():
         return None

@@ -1,5 +1,5 @@
-"""Goal configurations where the goal leaves a choice: those that reach it (`inverse_kinematics`) and are free, best
-first. Arms whose every branch a closed form gives are not searched, but where none of these is free.
+"""Goal configurations where the goal leaves a choice: configurations that reach it (`inverse_kinematics`) and are free,
+best first. Arms whose every branch a closed form gives are not searched, but where none of these is free.
 
 They are ordered by joint-space distance from the start, or by the time that it takes where time is the objective, times
 up to 2 where obstacles are close. The planner's
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm
 
 
-DRAWN = 10  # rounds of draws at most, where a pose can be reached but not freely
+DRAW_ROUNDS = 10  # rounds of draws at most, where a pose can be reached but not freely
 CHECKED_TOGETHER = 16  # configurations in one collision check
 COMPARED_GOALS = 12  # free configurations of a pose that are compared, those nearest to the start
 CLOSE_GOAL = 0.03  # [m] to an obstacle below which a goal is penalized
@@ -53,8 +53,8 @@ class Choice(NamedTuple):
 
 def goal_choice(certifier: Certifier, seed: int = 0, each: int = 1) -> Choice:
     """Return the configurations in which a motion of this scene may end, the most promising first: PLANNED_GOALS of
-    them over all targets, but at least `each` of every one that is reached freely. Of many targets each is looked at
-    less; where some are reached freely, the others are not looked at again.
+    them over all targets, but at least `each` of every one that is reached freely. Of many targets each is examined
+    less; where some are reached freely, the others are not examined again.
 
     Raises:
         InputError: an unknown link, joint values that do not fit, or no target that can be reached without contact; the
@@ -72,11 +72,11 @@ def goal_choice(certifier: Certifier, seed: int = 0, each: int = 1) -> Choice:
         start = robot.configuration(scene.start, scene.from_request)
         looked: dict[int, _Reached] = {}
         before = 0
-        for drawn in range(DRAWN):
+        for drawn in range(DRAW_ROUNDS):
             starts = STARTS if drawn else _starts(len(scene.goal.targets))
             for i, target in enumerate(scene.goal.targets):
                 if i not in looked or starts > before or len(looked[i].reached):
-                    draws = DRAWN if drawn or len(scene.goal.targets) == 1 else 1
+                    draws = DRAW_ROUNDS if drawn or len(scene.goal.targets) == 1 else 1
                     looked[i] = _looked_for(certifier, target, start, rng, path, starts, draws)
             before, none = starts, not any(len(each.reached) for each in looked.values())
             if any(each.free for each in looked.values()) or (none and starts == STARTS):
@@ -135,7 +135,7 @@ def _each_in_turn(goals: Sequence[JointTarget]) -> tuple[JointTarget, ...]:
 
 
 def _starts(targets: int) -> int:
-    """Return from how many configurations each of some targets is looked for at first."""
+    """Return from how many configurations each of some targets is sought at first."""
     return max(FEWEST_STARTS, min(STARTS, STARTS * PLANNED_GOALS // targets))
 
 
@@ -216,7 +216,7 @@ def _path(setup: Setup) -> tuple[PathTerm, ...]:
 
 
 def settled(setup: Setup, motion: Trajectory | None = None) -> Setup:
-    """Return the same with one configuration as its goal: where `motion` ends, if the goal is met there, or else the
+    """Return a copy with one configuration as its goal: where `motion` ends, if the goal is met there, or else the
     most promising one. Itself if its goal leaves no choice. Raises InputError as `goal_choice`."""
     scene = setup.scene
     if isinstance(scene.goal, JointTarget):
@@ -279,7 +279,7 @@ def _length(setup: Setup, way: Array) -> float:
 def _refusal(
     target: JointTarget | PoseTarget | AllOf, certifier: Certifier, reached: Array, nearest: tuple[Miss, ...] | None
 ) -> tuple[str, str]:
-    """Say why no motion may end in a target: the cause, and a sentence."""
+    """Return the reason why no motion may end in a target: the cause, and a sentence."""
     if not isinstance(target, JointTarget) and nearest is not None and not len(reached):
         names = " and ".join(f"'{pose.link}'" for pose in target.poses)
         cannot = (
@@ -306,7 +306,7 @@ def _listed(misses: tuple[Miss, ...]) -> str:
 
 
 def _fault(certifier: Certifier, q: Array) -> tuple[str, str]:
-    """Say why a motion may not end in a configuration: the cause, and a sentence."""
+    """Return the reason why a motion may not end in a configuration: the cause, and a sentence."""
     if departures := certifier.off_path(q):
         return "end_off_path", f"breaks a path constraint: {departures[0].words}"
     if overload := certifier.overload(q):

@@ -22,9 +22,10 @@ if TYPE_CHECKING:
     from hdplan.planner.search.search import Search
 
 GUESSES = 3  # first guesses for a goal before the next goal's turn
-TIGHT, LOOSE = 2, 4  # guesses before trees have their turn: where bodies overlap at an end, and where they do not
+TREES_AFTER_TIGHT = 2  # guesses before the trees' turn where bodies overlap at an end
+TREES_AFTER_LOOSE = 4  # guesses before the trees' turn elsewhere
 AHEAD_AFTER = 2  # guesses that failed before trees begin to grow on an idle core; one where bodies overlap at an end
-EXACT_AFTER = 6  # guesses after LOOSE before exact distances have their turn, where the bodies are free at both ends
+EXACT_AFTER = 6  # guesses after these before exact distances have their turn, where bodies are free at both ends
 
 
 class Guess(NamedTuple):
@@ -74,7 +75,7 @@ def _guesses(search: Search, seed: int, warm: Guess | None, core: IdleCore) -> I
     loose, overlap = search.problem, ends_overlap(search.problem)
     tightly = functools.cache(lambda: exactly(loose))
     grown = core.ahead(lambda over: _tree_guesses(tightly(), search.required, seed, over), lambda: search.over)
-    for turn in range(1, TIGHT if overlap else LOOSE):
+    for turn in range(1, TREES_AFTER_TIGHT if overlap else TREES_AFTER_LOOSE):
         if (overlap or turn >= AHEAD_AFTER) and search.is_tight:
             grown.begin()
         yield Guess(next(ways))
@@ -94,7 +95,7 @@ def _guesses(search: Search, seed: int, warm: Guess | None, core: IdleCore) -> I
 
 
 def _tree_guesses(problem: Problem, required: float, seed: int, over: Callable[[], bool]) -> Iterator[Guess | None]:
-    """Yield what trees of free lines find in a problem with exact distances, and None where they go on growing."""
+    """Yield the ways of trees of free lines in a problem with exact distances, and None while they grow."""
     if problem.terms.path:
         from hdplan.planner.search.held_trees import held_ways  # imported here, as few scenes have path constraints
 

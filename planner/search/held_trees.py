@@ -28,8 +28,8 @@ from hdplan.scenes.array_types import Array, Mask, Rows
 
 TURN, AT_ONCE = 256, 32  # targets of the trees, before another guess has its turn, and at once
 SHORTEST, LONGEST = 0.05, 0.2  # of a line between two nodes [rad or m]
-STRETCHED = 2.0  # times as long a line may be once its end is on the constraints
-USED = 0.9  # share of the band below the bound of a constraint that may be used up along a line
+LONGEST_STRETCH = 2.0  # times as long a line may be once its end is on the constraints
+BAND_SHARE = 0.9  # share of the band below the bound of a constraint that may be used up along a line
 PULLS = 5  # steps that bring the end of a line back onto the constraints; what needs more is left
 LEAST_STEP_SHARE = 0.2  # of a step that must be left once its end is on the constraints, for a branch to grow further
 SHORTCUTS = 60  # that are tried between two nodes of a way
@@ -130,8 +130,8 @@ class HeldTrees:
 
     def _lines(self, first: Array, last: Array, given: Mask) -> Mask:
         """The straight lines (k, n) that may be taken, as a mask; the ends of some are `given`, which are good."""
-        short = np.linalg.norm(last - first, axis=1) <= STRETCHED * self.step
-        found = short & (given | (self._used(last) <= USED)) & (self._used(0.5 * (first + last)) <= USED)
+        short = np.linalg.norm(last - first, axis=1) <= LONGEST_STRETCH * self.step
+        found = short & (given | (self._used(last) <= BAND_SHARE)) & (self._used(0.5 * (first + last)) <= BAND_SHARE)
         for row in np.flatnonzero(found).tolist():
             found[row] = is_free(self.space, first[row], last[row])
         return np.asarray(found)

@@ -16,7 +16,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from types import TracebackType
 from typing import Generic, TypeVar
 
-LOOK = 0.02  # [s] between two looks at whether a search is over while it waits for an item
+POLL_PERIOD = 0.02  # [s] between two checks whether a search is over while it waits for an item
 
 Item = TypeVar("Item")
 
@@ -53,7 +53,7 @@ class IdleCore:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        """End the work under way, which nobody needs any more."""
+        """End the work under way, which is no longer needed."""
         self._left.set()
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
@@ -98,7 +98,7 @@ class Ahead(Generic[Item]):
         made, self._next = self._next, None
         if made is None or made.cancel():  # it had not begun, as the thread works for another goal
             return next(self._items, None)
-        while not wait([made], LOOK).done:
+        while not wait([made], POLL_PERIOD).done:
             if self._over():
                 self._given_up.set()
         return made.result()

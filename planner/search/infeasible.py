@@ -1,4 +1,4 @@
-"""A search that fails asks, beside its guesses, whether there is any motion to be found."""
+"""Proofs within a failing search, beside its guesses, that no motion exists."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from hdplan.scenes.targets import JointTarget
 if TYPE_CHECKING:
     from hdplan.planner.certificate.infeasibility import Shut
 
-AFTER = 1.0  # [s] of guesses that failed, or
+FAILED_TIME = 1.0  # [s] of guesses that failed, or
 LIMIT_SHARE = 0.2  # of the time that there is, if that is less
-SHARE = 0.05  # of the time that guesses took
+PROOF_SHARE = 0.05  # of the time that guesses took
 
 
 class InfeasibilityCheck:
@@ -28,19 +28,19 @@ class InfeasibilityCheck:
         self._searches, self._goals = searches, goals
         self._began = time.perf_counter()
         self._spent = 0.0  # [s]
-        self._looks: Iterator[tuple[Shut, ...]] | None = None
+        self._looks: Iterator[tuple[Shut, ...] | None] | None = None
 
     def refuse(self) -> None:
         """Raise UnsolvableError if it is proven that no motion exists."""
         first = self._searches[0]
         passed = time.perf_counter() - self._began - self._spent
-        if passed < min(AFTER, LIMIT_SHARE * (first.deadline - self._began)):
+        if passed < min(FAILED_TIME, LIMIT_SHARE * (first.deadline - self._began)):
             return
         if self._looks is None:
             self._looks = self._begun()
-        while not first.over and self._spent <= SHARE * passed:
+        while not first.over and self._spent <= PROOF_SHARE * passed:
             before = time.perf_counter()
-            found = next(self._looks, None)
+            found = self._look(self._looks)
             self._spent += time.perf_counter() - before
             if found is None:
                 return
@@ -49,7 +49,16 @@ class InfeasibilityCheck:
                 by = tuple(dict.fromkeys(name for each in found for name in each.by))
                 raise UnsolvableError(f"{first.certifier.scene.source}: no motion exists: {why}", "disconnected", by)
 
-    def _begun(self) -> Iterator[tuple[Shut, ...]]:
+    def _look(self, looks: Iterator[tuple[Shut, ...] | None]) -> tuple[Shut, ...] | None:
+        """Return what the next look proves, nothing if the search is over meanwhile, and None after the last one."""
+        for found in looks:
+            if found is not None:
+                return found
+            if self._searches[0].over:
+                return ()
+        return None
+
+    def _begun(self) -> Iterator[tuple[Shut, ...] | None]:
         from hdplan.planner.certificate.infeasibility import looks  # few searches ask
 
         tried: dict[str, list[Array]] = {}

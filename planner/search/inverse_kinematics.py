@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 
 
 STARTS = 128  # the scene's start, and random configurations
-FEW, AROUND = 24, 1.0  # starts around a seed, and their standard deviation [rad or m]
+SEED_STARTS, SEED_SPREAD = 24, 1.0  # starts around a seed, and their standard deviation [rad or m]
 STEPS, MANY = 80, 32  # at most; after so many, starts are given up if enough of the others have arrived
-ARRIVED = 0.25  # share of the starts that are enough
+ENOUGH_STARTS = 0.25  # share of the starts that are enough
 CENTRING = 6  # more of them, from within the tolerance towards its centre
 AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: the aim, the convergence of a start, acceptance
 DRAWS, BACK = 12, 2  # steps towards the start, at most, each with some back to the pose
@@ -63,23 +63,23 @@ def inverse_kinematics(
 
     For each of them the certificate's own kinematics proves, up to rounding, that it lies within the joint limits and
     the link within the tolerances. Not proven is that it is free of contact (see `check_configuration`), that a motion
-    leads there, or that no others exist. `hdplan robots NAME` says how they are found: in closed form, to rounding,
+    leads there, or that no others exist. `hdplan robots NAME` shows the method: in closed form, to rounding,
     every branch of six turning joints whose last three axes meet in a point, or of whose axes three are parallel, and
     nearly every one where two neighbours meet; or else, and where the pose is reached within its tolerances alone, by
     search, from the seed, from 24 starts around it and, where these lead nowhere or all branches are wanted, from
-    128 all over the limits, which may miss some or all. Branches in closed form are all there are; of those that are
-    searched any two differ by more than 0.6 rad (or m) in some joint, whole turns aside. An arm with more joints than
-    the pose asks for has families of configurations in place of single ones: some of its joints are held at values
-    around the seed's, and of each family it gives a few members, as far apart. Each joint is as near to the seed as
-    whole turns within its limits let it. The same arguments give the same configurations.
+    128 all over the limits, which may miss some or all. In closed form every branch is found; any two searched ones
+    differ by more than 0.6 rad (or m) in some joint, whole turns aside. An arm with more joints than the pose requires
+    has families of configurations in place of single ones: some of its joints are held at values around the seed's, and
+    a few members of each family are returned, equally far apart. Each joint is as near to the seed as whole turns
+    within its limits allow. The same arguments give the same configurations.
 
     Args:
-        robot: what load_robot returns; or a scene, whose robot it is, with what it holds and its position limits.
+        robot: a robot of load_robot; or a scene, for its robot with held objects and position limits.
         pose: of the link's frame, in the world.
         link: a link that moves, with or without geometry; by default the end effector.
         seed: a configuration (n,); by default the scene's start, or the middle of the robot's joint limits, 0 for a
             joint without limits.
-        all_branches: whether to look for all of them.
+        all_branches: whether to return all branches.
         position_tolerance: how far the link's origin may be away [m].
         orientation_tolerance: how far it may be rotated away, apart from free rotations [rad].
         free_rotation: "none", the axis of the link about which it may rotate freely ("x", "y", "z"), or "all".
@@ -125,7 +125,7 @@ def _with_families(robot: Robot, target: PoseTarget, met: Array, exact: Array, s
 
 
 def _searched(robot: Robot, target: PoseTarget, met: Array, start: Array, every: bool) -> Array:
-    """Return what is `met`, and what a search from many starts leads to, each proven."""
+    """Return the `met` configurations, and those of a search from many starts, each proven."""
     for look in (_near, reaching):
         if every or not len(met):
             found, _ = look(robot, target, start, np.random.default_rng(0))
@@ -150,16 +150,17 @@ def _proven(robot: Robot, target: PoseTarget, q: Array) -> Array:
 
 
 def _from_start(robot: Robot, target: PoseTarget, start: Array) -> Array:
-    """Return what `start` alone leads to, where that hardly differs from it: most often the nearest of all."""
+    """Return the configuration reached from `start` alone, where it hardly differs from it: most often the nearest of
+    all."""
     found, _ = _reached(Aim.at(robot, target), np.empty((0, robot.n)), start)
     return found[:1] if len(found) and np.abs(found[0] - start).max() <= LEAST_DIFFERENCE else found[:0]
 
 
 def _near(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator) -> tuple[Array, tuple[Miss, ...]]:
-    """Return what `reaching` returns, from few starts around `start`, among which the nearest of all most often is."""
-    wide = np.minimum(AROUND, 0.5 * (robot.upper - robot.lower))
+    """Return the result of `reaching` from few starts around `start`, among which the nearest of all most often is."""
+    wide = np.minimum(SEED_SPREAD, 0.5 * (robot.upper - robot.lower))
     middle = np.clip(start, robot.lower, robot.upper)
-    return _reached(Aim.at(robot, target), middle + wide * rng.normal(size=(FEW - 1, robot.n)), start)
+    return _reached(Aim.at(robot, target), middle + wide * rng.normal(size=(SEED_STARTS - 1, robot.n)), start)
 
 
 def reaching(
@@ -180,9 +181,9 @@ def reaching(
 
 
 def every_branch(robot: Robot, target: PoseTarget | AllOf, start: Array) -> tuple[Array, tuple[Miss, ...]]:
-    """Return what `reaching` does, without a search: of an arm whose every branch a closed form gives, each as near to
-    `start` as the tolerances allow. No configuration, and no miss, for other arms and families, and for a pose that is
-    out of reach but for its tolerances."""
+    """Return the result of `reaching` without a search: for an arm whose every branch has a closed form, each as near
+    to `start` as the tolerances allow. No configuration, and no miss, for other arms and families, and for a pose that
+    is out of reach but for its tolerances."""
     form = closed_form(robot, target) if isinstance(target, PoseTarget) else None
     if not isinstance(target, PoseTarget) or form is None or form.redundant:
         return np.empty((0, robot.n)), ()
@@ -212,7 +213,7 @@ def _reached(aim: Aim, draws: Array, start: Array, path: tuple[PathTerm, ...] = 
 def _approached(aim: Aim, q: Array, path: tuple[PathTerm, ...]) -> Array:
     """Move starts (B, n) towards the aim and the path constraints, until all that can be hoped for have arrived."""
     if aim.loops and not path:
-        return aim.loops.approach(q, STEPS, MANY, (1.0 - ARRIVED) * len(q), AIM, ENOUGH)
+        return aim.loops.approach(q, STEPS, MANY, (1.0 - ENOUGH_STARTS) * len(q), AIM, ENOUGH)
     going = np.arange(len(q))
     if path:
         from hdplan.planner.problem.path_terms import to_path
@@ -226,7 +227,7 @@ def _approached(aim: Aim, q: Array, path: tuple[PathTerm, ...]) -> Array:
             missing, jacobian = np.concatenate([missing, astray], axis=1), np.concatenate([jacobian, slope], axis=1)
             far |= astray.any(axis=1)
         going, missing, jacobian = going[far], missing[far], jacobian[far]
-        if len(going) <= (1.0 - ARRIVED if step >= MANY else 0.0) * len(q):
+        if len(going) <= (1.0 - ENOUGH_STARTS if step >= MANY else 0.0) * len(q):
             break
         q[going] = damped_step(aim.robot, q[going], missing, jacobian)
     return q
@@ -247,8 +248,8 @@ def _centred(aim: Aim, q: Array) -> Array:
 
 
 def _drawn_near(aim: Aim, q: Array, start: Array) -> Array:
-    """Move configurations (B, n) that reach the aim towards `start` as far as they go on reaching it: along the arm's
-    self-motion and its free rotations, the part of the way that moves no link that counts."""
+    """Move configurations (B, n) that reach the aim towards `start` as far as they continue reaching it: along the
+    arm's self-motion and its free rotations, the part of the way that moves no link that counts."""
     if aim.loops:
         return aim.loops.draw_near(q, start, DRAWS, BACK, ENOUGH)
     error, jacobian = aim.linearized(q)

@@ -67,12 +67,12 @@ class Objective(ABC):
         return math.inf
 
     def last(self, path: Array, motion: Trajectory | None) -> float:
-        """Return what a motion cost from which a search begins, as waypoints (N, n) and, if it had times, as it was; ∞
-        if that is not known."""
+        """Return the cost of the motion from which a search begins, as waypoints (N, n) and, if it had times, as it
+        was; ∞ if that is not known."""
         return math.inf
 
     def achieved(self, path: Array, motion: Trajectory) -> Achieved:
-        """Return the same with its name and unit."""
+        """Return a copy with its name and unit."""
         return Achieved(self.name, self.value(path, motion), self.unit)
 
 
@@ -106,7 +106,7 @@ class Time(Objective):
         return motion.duration
 
     def unimprovable(self, least: float, value: float) -> bool:
-        """True if even the fastest law takes SLOWEST_IMPROVED times as long, whatever its jerk."""
+        """True if even the fastest law takes SLOWEST_IMPROVED times as long, regardless of its jerk."""
         return least > SLOWEST_IMPROVED * value
 
     def longest(self, value: float) -> float:
@@ -122,12 +122,13 @@ class Time(Objective):
         return self.retimer.shortest(problem.start, problem.goal)
 
     def least_along(self, path: Array) -> float:
-        """Return the time of the fastest law, whatever its jerk."""
+        """Return the time of the fastest law, regardless of its jerk."""
         return self.retimer.quickest_along(path)
 
 
 class Smoothness(Objective):
-    """The smoothness cost of the waypoints (`problem.smoothness`) and the user's own costs, whatever their timing."""
+    """The smoothness cost of the waypoints (`problem.smoothness`) and the user's own costs, regardless of their
+    timing."""
 
     name = "smoothness"
 
@@ -149,7 +150,7 @@ class Smoothness(Objective):
         return self.least_along(path)
 
     def least(self, problem: Problem) -> float:
-        """Return the cost of the straight line, which is the least; of one's own costs no bound is known."""
+        """Return the cost of the straight line, which is the least; of the user's own costs no bound is known."""
         return -math.inf if problem.terms.costs else self.cost.value(problem.polyline())[0]
 
 

@@ -1,6 +1,6 @@
 """Better motions, in rounds: each improves one motion, and its result is kept only if it is certified and better.
 
-Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is, where
+Better is less of what `Scene.objective` requires (`objective`). The first round improves the motion as it is, where
 time counts before its certificate, which is for what comes of it (`first_motion`). Each that follows improves the most
 promising of what is left (`Ways`) and of MORE motions from further guesses, to each goal in turn, or of WAYS where
 nothing is left, none of which is one of those before (SAME_WAY): perhaps there is a better way around, or a better
@@ -39,13 +39,15 @@ from hdplan.scenes.array_types import Array
 
 CLOSER_ACTIVATIONS = (0.5, 0.2)  # of the activation
 LEAST_ACTIVATION = 1e-3  # [m] of it
-AGAIN, MUCH = 2, 0.01  # times that the last stage is repeated while the one before it gained so much [–]
+MOST_REPEATS = 2  # of the last stage,
+REPEATED_GAIN = 0.01  # [–] as long as the one before it gained this much
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
-UNCHANGED = 1e-4  # [rad] or [m] by which a motion changes at most that does not
+UNCHANGED_STEP = 1e-4  # [rad] or [m] by which a motion changes at most that does not
 # weight of the acceleration [–] beside the duration: with half of it, laws are stretched for their jerk
 HURRIED_WEIGHT = 0.06
 CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion has converged
-FARTHEST, SHORTER = 0.3, 0.3  # [rad] or [m] that an end may slide at once; factor on it where that did not help
+LONGEST_SLIDE = 0.3  # [rad] or [m] that an end may slide at once
+SLIDE_FACTOR = 0.3  # on this length where a slide did not help
 SAME_WAY = 0.05  # [rad] or [m] between two ways, at most, that are one
 WAYS, MORE = 8, 4  # that are compared in a round, before the most promising one is improved
 
@@ -181,18 +183,20 @@ def _improve(search: Search, stages: Sequence[Problem], path: Array, value: floa
     """Go on from a motion (N, n) through problems to its goal, one after the other, each from where the one before it
     led, and its end slid to where that helps, the last again where much was gained; keep the most promising motion that
     is certified, if it costs less than `value`."""
-    promise, goal, farthest = search.objective.least_along, path[-1], FARTHEST
+    promise, goal, farthest = search.objective.least_along, path[-1], LONGEST_SLIDE
     found: list[tuple[float, Array]] = []
     led = [np.inf]  # what each stage promised
-    for turn, stage in enumerate([*stages, *AGAIN * [stages[-1]]]):
-        if turn >= len(stages) and led[-1] > (1.0 - MUCH) * led[-2]:
+    for turn, stage in enumerate([*stages, *MOST_REPEATS * [stages[-1]]]):
+        if turn >= len(stages) and led[-1] > (1.0 - REPEATED_GAIN) * led[-2]:
             break
         problem = replace(stage, goal=goal)
         solution = search.clear(problem, path, DETOUR_WEIGHT, CONVERGED)
         if solution is None:
             break
         before, path = path, solution.trajectory.positions
-        if found and np.abs(path - before).max() < UNCHANGED:  # nothing is close: it is the same for those that follow
+        if (
+            found and np.abs(path - before).max() < UNCHANGED_STEP
+        ):  # nothing is close: it is the same for those that follow
             break
         found.append((promise(path), path))
         end = search.slide(problem, solution, farthest) if search.slide else None
@@ -204,7 +208,7 @@ def _improve(search: Search, stages: Sequence[Problem], path: Array, value: floa
                 found.append((slid, path := solution.trajectory.positions))
                 goal = end
             else:
-                farthest *= SHORTER
+                farthest *= SLIDE_FACTOR
         led.append(found[-1][0])
     found.sort(key=lambda each: each[0])
     enough = (1.0 - GAIN) * value

@@ -1,4 +1,4 @@
-"""The search of one plan: guess, solve, certify; where the certificate fails, sample more densely there, or go on
+"""The search of one plan: guess, solve, certify; where the certificate fails, sample more densely there, or continue
 from the next guess (`guesses.py`).
 
 A motion counts as found only when it is certified: the certificate works with the robot's real meshes, the solver with
@@ -67,7 +67,7 @@ class Best(NamedTuple):
     """The best motion so far."""
 
     path: Array  # (N, n) the waypoints
-    trajectory: Trajectory  # along them, with times where the scene asks for them
+    trajectory: Trajectory  # along them, with times where the scene requires them
     certificate: Certificate
     steps: tuple[Iteration, ...]
     whole: bool  # whether the certificate names every failure
@@ -102,7 +102,7 @@ class Search:
         self.touches = problem.scene.polish > 0 and self.objective.name == "smoothness" and slide is None
         self.touched = False  # whether the best motion got its last touches
         self.reconsidered = False  # whether CHOMP gave a second opinion
-        self.settled = False  # whether a warm start led to a motion like the last one: there is nothing to better
+        self.settled = False  # whether a warm start led to a motion like the last one: there is nothing to improve
         self.passed = False  # whether a motion was found that costs more than a certified one to another goal
         self.certify_seconds = 0.0
 
@@ -160,7 +160,7 @@ class Search:
         return warm and self._once_more(first) and self.settled
 
     def _once_more(self, first: Guess) -> bool:
-        """Certify what a warm start leads to at once, as the last motion was bettered already; True if that holds."""
+        """Certify what a warm start leads to at once, as the last motion was improved already; True if that holds."""
         solution = once_more(self, first.positions)
         motions = () if solution is None else self.timed(solution.trajectory.positions, math.inf)
         if solution is None or not self.keep(solution.trajectory.positions, motions):
@@ -270,7 +270,7 @@ class Search:
         return solution.trajectory.positions, solution.status
 
     def timed(self, path: Array, value: float, way: Array | None = None) -> Sequence[Trajectory]:
-        """Give times to a path (N, n), or to a way (C, n) that it goes along, where the scene asks for them, the
+        """Give times to a path (N, n), or to a way (C, n) that it goes along, where the scene requires them, the
         quickest motion first; none if it can have none, or costs `value` or more."""
         rows = path if way is None else way
         along = Trajectory(self.problem.robot.joint_names, rows, self.problem.robot.locked)

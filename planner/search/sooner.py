@@ -19,7 +19,7 @@ from hdplan.scenes.array_types import Array
 
 STEPS, BACK = 16, 2  # along the self-motion, at most; back to the pose after each
 LONGEST, SHORTEST = 0.2, 0.01  # [rad] or [m] of a step, at first, and below which none follows
-SHARE = 0.75  # of the tolerance that may be used up
+TOLERANCE_SHARE = 0.75  # of the tolerance that may be used up
 P = 12  # of the norm
 DIFFERENCE = 1e-4  # [rad] or [m] of a way
 
@@ -41,7 +41,7 @@ def sooner(aim: Aim, q: Array, start: Array, limits: Mapping[str, Array]) -> Arr
         for _ in range(BACK):
             there = damped_step(robot, there, *aim.linearized(there))
         found = least_times(there - start, limits).max(axis=1, initial=0.0)
-        better = aim.within(aim.linearized(there)[0], SHARE) & (found < time[going])
+        better = aim.within(aim.linearized(there)[0], TOLERANCE_SHARE) & (found < time[going])
         q[going[better]], time[going[better]] = there[better], found[better]
         longest[going[~better]] *= 0.5
     return q

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hdplan.planner.search.search import Search
 
 CLOSER_ACTIVATION = 0.7  # of the activation: at 0.3 a motion costs 0.5 to 5 % less, and passes 4 to 8 mm closer
-CLOSEST = 0.2  # of it, where time counts, as at the end of `polish`: with more, the last motion would be slower
+CLOSEST_SHARE = 0.2  # of it, where time counts, as at the end of `polish`: with more, the last motion would be slower
 CONVERGED = 2e-3  # relative decrease of the cost by a step
 NOTHING_LEFT = 0.02  # of the objective to be gained: a motion so close to the least possible is good enough
 DETOUR_COST_SHARE = 0.3  # of the least cost: what costs more than it by this share may be a detour
@@ -37,7 +37,7 @@ GENTLE_STEPS, MOST_STEPS = 60, 400  # of the second opinion, for each time that 
 
 
 def touched(search: Search, solution: Solution) -> Sequence[Solution] | None:
-    """Return what costs less than the solution that an attempt led to, the smoothest first: solutions all of whose
+    """Return the motions that cost less than an attempt's solution, the smoothest first: solutions all of whose
     samples keep their distance, and the results of CHOMP's steps. None if there is more to gain, but not found."""
     problem, cost = search.problem, search.objective.least_along
     least, before = search.objective.least(problem), cost(solution.trajectory.positions)
@@ -69,10 +69,10 @@ def touched(search: Search, solution: Solution) -> Sequence[Solution] | None:
 
 
 def once_more(search: Search, path: Array) -> Solution | None:
-    """Return what the last motion (N, n), which was bettered when it was planned, leads to in a scene that changed a
-    little; None if it is not clear."""
+    """Return the result of the last motion (N, n), already improved, in a scene that changed a little; None if it is
+    not clear."""
     problem, quick = search.problem, search.objective.name == "time"
-    near = closer(problem, (CLOSEST if quick else CLOSER_ACTIVATION) * problem.scene.planner.activation, quick)
+    near = closer(problem, (CLOSEST_SHARE if quick else CLOSER_ACTIVATION) * problem.scene.planner.activation, quick)
     return search.clear(near, path, DETOUR_WEIGHT, CONVERGED)
 
 

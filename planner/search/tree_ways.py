@@ -19,15 +19,15 @@ from hdplan.planner.search.free_space import free_part, free_space
 from hdplan.planner.search.trees import Trees
 from hdplan.scenes.array_types import Array
 
-TURN = 128  # targets of the trees, before another guess has its turn
+TARGETS_PER_TURN = 128  # targets of the trees, before another guess has its turn
 
 
 def tree_ways(
     problem: Problem, required: float, seed: int, over: Callable[[], bool] = lambda: False
 ) -> Iterator[Array | None]:
     """Yield a way (N, n) as waypoints of a problem with exact distances, each time that two trees meet, and None after
-    each TURN targets by which they did not, or once it is over. None at all where there is no free space to be had, and
-    on path constraints, which have trees of their own (`held_trees`)."""
+    each TARGETS_PER_TURN targets by which they did not, or once it is over. None at all where there is no free space to
+    be had, and on path constraints, which have trees of their own (`held_trees`)."""
     space = free_space(problem, required)
     if space is None or problem.terms.path:
         return
@@ -37,8 +37,8 @@ def tree_ways(
         arms = Arms(problem, space, rng, roots)
         trees = Trees(problem, space, rng, roots, arms.draw)
         while True:
-            arms.grow(TURN, over)
-            if (way := trees.grow(TURN, over)) is not None:
+            arms.grow(TARGETS_PER_TURN, over)
+            if (way := trees.grow(TARGETS_PER_TURN, over)) is not None:
                 break
             yield None
         yield through(problem, shortened(space, way, rng))

@@ -18,7 +18,7 @@ from hdplan.planner.search.roadmap import around_line
 from hdplan.scenes.array_types import Array, Rows
 
 LONGEST_LINE = 0.5  # of a line between two nodes [rad or m]
-AT_ONCE = 4  # targets between two looks at whether time is up; even, as the trees grow in turn
+AT_ONCE = 4  # targets between two checks whether time is up; even, as the trees grow in turn
 MOST_NODES = 64  # nodes of each tree for a target, at most
 
 

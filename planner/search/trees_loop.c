@@ -1,6 +1,6 @@
-/* Two trees of free lines that grow towards each other: RRT-Connect (J. Kuffner, S. LaValle, 2000), where what is in the
-   way is slid along. In narrow places nearly every straight line ends at once; what is left of it beside the surfaces
-   that it meets leads on. */
+/* Two trees of free lines that grow towards each other: RRT-Connect (J. Kuffner, S. LaValle, 2000), which slides along
+   obstacles. In narrow places nearly every straight line ends at once; its part along the surfaces that it
+   meets continues. */
 
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"
@@ -59,7 +59,7 @@ static long long add(branches* of, long long n, long long parent, const double* 
   return row;
 }
 
-/* Take from a direction what leads into the surfaces that are met, and add a little that leads away from the last; returns
+/* Take from a direction its parts into the surfaces that are met, and add a little that leads away from the last; returns
    its length, 0 where nothing is left. */
 static double slide(const growth* of, long long surfaces) {
   const long long n = of->n;
@@ -84,7 +84,8 @@ static long long meet(const growth* of, const double* q, long long surfaces) {
   return surfaces + 1;
 }
 
-/* Grow from a node towards a target, as far as it goes in STEPS lines; returns the last node. Whether it arrived is said. */
+/* Grow from a node towards a target, as far as it goes in STEPS lines; returns the last node, and in `arrived` whether
+   it is the target. */
 static long long grow(const growth* of, branches* tree, long long from, const double* target, int* arrived) {
   const long long n = of->n;
   long long surfaces = 0;
@@ -156,7 +157,7 @@ WRAPPER(call_grow_trees) {
   const long long n = of ? of->n : 0;
   growth growing = {.n = n, .longest = number(&taken, "longest")};
   const double* targets = numbers(&taken, "targets", SHAPE(ANY, n));
-  const long long asked = taken.shape[0];
+  const long long attempts = taken.shape[0];
   long long* counts = written_indices(&taken, "counts", SHAPE(2));
   branches trees[2];
   trees[0] = tree_of(&taken, n, counts, "first_nodes", "first_parents");
@@ -170,7 +171,7 @@ WRAPPER(call_grow_trees) {
     growing.way = room + line_numbers(of);
     growing.end = growing.way + n;
     growing.normals = growing.end + n;
-    WITHOUT_LOCK(grow_both(&growing, trees, asked, targets, joint));
+    WITHOUT_LOCK(grow_both(&growing, trees, attempts, targets, joint));
   }
   return ended(&taken, none());
 }

@@ -48,11 +48,11 @@ def solve(
     """Solve a problem once, from a first guess (N, n) or the straight line; certify the result before you trust it.
 
     Args:
-        problem: what build returns.
+        problem: a problem of `build`.
         solver: "gauss_newton", "chomp", "fatrop" or "ipopt".
         guess: the waypoints to begin with (N, n) [rad or m], in the order of the robot's joints; or a motion of the
             robot, whose ends are moved to the problem's.
-        budget: what the solver may spend, and where it reports.
+        budget: limits of time and steps, and the callback for reports.
 
     Raises InputError for an unknown solver, and for a guess of another shape or with values beyond LARGEST_VALUE; for a
     motion as `plan` does.

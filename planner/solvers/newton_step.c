@@ -1,11 +1,11 @@
-/* One damped Gauss-Newton step of a motion on a system that is banded in time: `newton_step.py` says what it is. */
+/* One damped Gauss-Newton step of a motion on a system that is banded in time, as in `newton_step.py`. */
 
 #include <string.h>
 
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/cholesky.h"
 
-/* What H is made of, for `waypoints` of n coordinates: the blocks of the penalty's curvature within waypoints and from
+/* The parts of H, for `waypoints` of n coordinates: the blocks of the penalty's curvature within waypoints and from
    each to the next; diagonals 0, 1 and 2 of the smoothness' Hessian (3, waypoints); and what is added to the diagonal
    (waypoints, n), more than 0 where a coordinate is held. */
 typedef struct {

@@ -18,7 +18,7 @@ from hdplan.distance.compiled.loops import library
 from hdplan.planner.problem.problem import Evaluation, Problem
 from hdplan.scenes.array_types import Array, Mask, Rows
 
-REST = 1e15  # stiffness that holds a coordinate at its limit for one step
+HOLDING_STIFFNESS = 1e15  # stiffness that holds a coordinate at its limit for one step
 
 
 def newton_step(problem: Problem, positions: Array, state: Evaluation, damping: float) -> Array:
@@ -28,7 +28,9 @@ def newton_step(problem: Problem, positions: Array, state: Evaluation, damping: 
     step = np.zeros_like(positions)
     smooth = problem.smoothness.diagonals
     if loops := library():
-        given = map(np.ascontiguousarray, (gradient, smooth, state.diagonal, state.coupling, REST * outward))
+        given = map(
+            np.ascontiguousarray, (gradient, smooth, state.diagonal, state.coupling, HOLDING_STIFFNESS * outward)
+        )
         if not loops.newton_step(*given, damping, step[1:-1]):
             raise np.linalg.LinAlgError("the Hessian is not positive definite")
         return step
@@ -47,7 +49,7 @@ def _by_scipy(smooth: Array, state: Evaluation, outward: Mask, damping: float) -
     band.ravel()[within] += state.diagonal[:, row, column]
     band.ravel()[between] += state.coupling.reshape(-1, n * n)
     band[0] *= 1 + damping
-    band[0] += REST * outward.ravel()
+    band[0] += HOLDING_STIFFNESS * outward.ravel()
     wanted = np.where(outward, 0.0, -state.gradient).ravel()
     step: Array = solveh_banded(band, wanted, lower=True, check_finite=False).reshape(count, n)
     return step

@@ -32,12 +32,12 @@ class SolverStatus(enum.Enum):
 FIRST_WEIGHT, LAST_WEIGHT, RAISE = 6e3, 3e8, 6.0  # of the penalty [1/m²]
 DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # keeps a guess that leads around obstacles there [1/m²]
 SLOW_DECREASE = 0.01  # relative decrease of the cost by a step that counts as stalled, unless a budget says otherwise
-REFUSED = 1 / 3  # a refused step counts as this share of a stalled one, as the next is another try at the same
+REFUSED_SHARE = 1 / 3  # a refused step counts as this share of a stalled one, as the next is another try at the same
 MOST_REFUSED_STEPS = 9  # refused steps in a row, the patience of three weights
 UNMOVED_SHARE = 0.9  # share of the depth before: a raise that leaves more frees a motion little
 CLEAR_SHARE = 0.5  # share of the activation band that may be used up when the motion counts as clear
 EQUAL_COST = 1e-9  # relative difference of two costs that are equal up to rounding: large sums cancel in them
-ENDS = 0.2  # share of the duration over which an end that is itself too close excuses the motion next to it
+END_SHARE = 0.2  # share of the duration over which an end that is itself too close excuses the motion next to it
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,9 @@ class Progress:
         self.steps.append(Iteration(len(self.steps) + 1, state.cost, state.smoothness, depth, self.weight))
         self.budget.report(self.steps[-1], positions)
         gain = before - state.cost
-        self.stalled = 0.0 if gain > self.budget.slow * before else self.stalled + (1.0 if gain > 0.0 else REFUSED)
+        self.stalled = (
+            0.0 if gain > self.budget.slow * before else self.stalled + (1.0 if gain > 0.0 else REFUSED_SHARE)
+        )
         self.refused = 0 if gain > 0.0 else self.refused + 1
         if self.stalled < self.patience:
             return False
@@ -182,7 +184,7 @@ def _allowed_depth(problem: Problem) -> Array:
     deep, since no motion can do better there."""
     parameter = problem.samples.parameter
     start, goal = _end_depths(problem)
-    excused = np.maximum(start * (1 - parameter / ENDS), goal * (1 - (1 - parameter) / ENDS))
+    excused = np.maximum(start * (1 - parameter / END_SHARE), goal * (1 - (1 - parameter) / END_SHARE))
     allowed: Array = np.maximum(CLEAR_SHARE * problem.scene.planner.activation, excused)
     return allowed
 

@@ -95,7 +95,7 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
 
 
 def union_row(each: Cut) -> dict[str, Cell]:
-    """Return what a body cut into pieces gives, as a row of a table."""
+    """Return the results for a body cut into pieces, as a row of a table."""
     return {
         "body": each.body,
         "pieces": each.pieces,
@@ -107,7 +107,7 @@ def union_row(each: Cut) -> dict[str, Cell]:
 
 
 def _union_record(each: Cut) -> dict[str, Cell]:
-    """Return the same with full precision, for the CSV."""
+    """Return a copy with full precision, for the CSV."""
     return {
         "body": each.body,
         "pieces": each.pieces,
@@ -150,9 +150,7 @@ def _advice(means: Sequence[Entry], choice: Entry) -> list[tuple[str, str]]:
         advice.append((what, f"{why}; error near contact{', bend' * (choice.bend is not None)}: {reads}"))
     worst = max(means, key=lambda e: e.sign_lost)
     kept = "is that of D̃ at every pose and setting"
-    lost = (
-        f"is lost by underflow at up to {_percent(worst.sign_lost)} of the poses ({describe(worst)}): there ask for D̃"
-    )
+    lost = f"is lost by underflow at up to {_percent(worst.sign_lost)} of the poses ({describe(worst)}): use D̃ there"
     return [*advice, ("sign of D", lost if worst.sign_lost else kept)]
 
 

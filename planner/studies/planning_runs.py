@@ -64,7 +64,7 @@ NEAR_CONTACT = 0.05  # [m] largest distance of the configurations at which lost 
 SCATTER = 0.3  # [rad] standard deviation of these about the straight line from start to goal
 TRIED, WANTED, QUICK_WANTED = 500, 100, 50  # configurations drawn for that, and kept, of a scene
 TIME_LIMIT = 10.0  # [s] for a plan
-REPEATED = 1.0  # [s] plans faster than this are timed again,
+REPEATED_BELOW = 1.0  # [s] plans faster than this are timed again,
 TIMES, QUICK_TIMES = 4, 2  # this often in all, and the fastest counts
 
 
@@ -212,7 +212,7 @@ def _run(variant: Variant, situation: _Situation, times: int, stop: Callable[[],
     lost, kernel = _lost(scene, situation)  # this also compiles what the plan needs
     off = _off(build(scene, situation.robot), situation)
     plans = [_timed_plan(scene, variant, situation, stop)]
-    while len(plans) < times and plans[0][0] < REPEATED and not stop():
+    while len(plans) < times and plans[0][0] < REPEATED_BELOW and not stop():
         plans.append(_timed_plan(scene, variant, situation, stop))
     seconds, result = min(plans, key=lambda each: each[0])
     good = result.certified

@@ -1,5 +1,5 @@
 """The picture of what accuracy costs a plan in time: clearance lost to conservativeness, and smoothness, over the time
-of a plan, with the Pareto fronts. What each setting does by itself stands in the study's table."""
+of a plan, with the Pareto fronts. The study's table shows the effect of each setting by itself."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The C that `hdplan codegen` writes, with the places of what depends on the scene."""
+"""The C that `hdplan codegen` writes, with placeholders for the scene's own parts."""
 
 from __future__ import annotations
 

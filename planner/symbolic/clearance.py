@@ -28,7 +28,7 @@ class SceneClearance:
             obstacles' poses in the world side by side, and D of every pair [m].
         pairs: link and obstacle, or link and link, of each of the P; an obstacle of several pieces has several pairs.
         movable: names of the m obstacles whose poses are inputs.
-        poses: where these stand in the scene, at its beginning (4, 4 m).
+        poses: their poses in the scene at time 0 (4, 4 m).
         unresolved: pairs of links that are in none of the P, as their outer bodies overlap nearly everywhere: only the
             certificate compares them.
     """
@@ -40,7 +40,7 @@ class SceneClearance:
     unresolved: tuple[tuple[str, str], ...]
 
     def __repr__(self) -> str:
-        """Say how many pairs there are, and what may move."""
+        """Return the number of pairs and the movable obstacles, for display."""
         return f"<SceneClearance: {len(self.pairs)} pairs, movable: {', '.join(self.movable) or 'none'}>"
 
 
@@ -48,13 +48,13 @@ def clearance(scene: Scene, movable: Sequence[str] = (), activated: bool = False
     """Return the planner's distance D of every pair of bodies of a scene that can meet, as expressions.
 
     D > 0 proves that the bodies are farther apart than the scene's clearance; it is 0 where they are that close, and
-    there its derivatives vanish. A hard constraint therefore asks for D ≥ the shaping length (1 mm) or more, where they
-    do not. D is a lower bound in sign and an approximation in value (`hdplan.distance`). First and second derivatives
-    are closed forms, right at every pose, aligned and touching ones too; a third is refused. D is NaN for poses of
-    obstacles that are not rigid.
+    there its derivatives vanish. A hard constraint therefore needs D ≥ the shaping length (1 mm) or more, where they do
+    not vanish. D is a lower bound in sign and an approximation in value (`hdplan.distance`). First and second
+    derivatives are closed forms, right at every pose, aligned and touching ones too; a third is refused. D is NaN for
+    poses of obstacles that are not rigid.
 
     Args:
-        scene: its robot with what it holds, its obstacles, and how its planner is set.
+        scene: robot, held objects, obstacles and planner settings.
         movable: names of obstacles whose poses are inputs; those that move in the scene always are. Pairs with others
             are left out where the link cannot reach the obstacle within the joint limits, which joints must keep.
         activated: enlarge the bodies by how much earlier the planner's penalty sets in too (``planner.activation``):

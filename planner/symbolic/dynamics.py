@@ -19,13 +19,14 @@ def dynamics(robot: Robot | Scene) -> ca.Function:
         τ = M(q) a + C(q, v) v + g(q)
 
     with the planned joints' values q [rad or m], velocities v and accelerations a in the order of ``joint_names``, and
-    τ [Nm or N], what the joints must give: with v = 0 and a = 0 the torque of gravity, which is the world's, along −z.
-    There is no friction. Rotors count as the model has them. The mass of a held object is spread evenly over its shape.
-    Where joints follow others, by E, these are the generalized forces Eᵀτ and EᵀME of the planned ones: no URDF says
-    how a joint and its followers share them. In an MX graph only the output that is used is computed.
+    τ [Nm or N], the joints' required torques: with v = 0 and a = 0 those of gravity, along −z of the world.
+    There is no friction. Rotors count with the inertias of the model. The mass of a held object is spread evenly over
+    its shape. Where joints follow others, by E, these are the generalized forces Eᵀτ and EᵀME of the planned ones: no
+    URDF describes how a joint and its followers share them. In an MX graph only the output that is used is computed.
 
     Args:
-        robot: a robot, with the masses of what it holds; or a scene, which stands for its robot with its payload too.
+        robot: a robot, with the masses of its held objects; or a scene, which stands for its robot with its payload
+        too.
 
     Raises:
         InputError: for a robot that has inertias that no body has, or joints that move no mass, and every other reason

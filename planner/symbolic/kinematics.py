@@ -28,7 +28,7 @@ def kinematics(robot: Robot | Scene, link: str | None = None) -> ca.Function:
     and inlines it where it is called with SX.
 
     Args:
-        robot: a robot, or a scene, which stands for its robot with what it holds.
+        robot: a robot, or a scene, which stands for its robot with held objects.
         link: a link of the URDF, or a held object; without it, the end effector.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The pairs of bodies that the planner compares in a scene, with obstacles that stand where they stand or anywhere.
+"""The pairs of bodies that the planner compares in a scene, with obstacles at their poses in the scene or anywhere.
 
 A movable obstacle is one more frame after the joints', as a moving one is for the planner, and is compared with every
 link that moves: wherever it may be.

@@ -14,8 +14,8 @@ from hdplan.scenes.number_text import read_number, read_whole
 if TYPE_CHECKING:
     from hdplan.scenes.robot_spec import RobotSpec
 
-SEARCH = 30.0  # [s] for solving and certifying, where no time limit is given
-OUT = Path("out")  # where the files of a study go, if no folder is given
+SEARCH_TIME = 30.0  # [s] for solving and certifying, where no time limit is given
+STUDY_FOLDER = Path("out")  # where the files of a study go, if no folder is given
 
 
 def _whole_number(text: str, least: int = 0) -> int:
@@ -141,7 +141,7 @@ TimeLimit = Annotated[
     typer.Option(
         metavar="SECONDS",
         help="Time for everything, reading and building included. By default solving and certifying take at most "
-        f"{SEARCH:g} s over all attempts.",
+        f"{SEARCH_TIME:g} s over all attempts.",
         parser=_seconds,
     ),
 ]
@@ -158,7 +158,7 @@ ProofToWrite = Annotated[
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 
 Diagnose = Annotated[
-    bool, typer.Option("--diagnose", help="Seek the reason for a failure, by trying changes that would help.")
+    bool, typer.Option("--diagnose", help="Find the reason for a failure, by trying changes that would help.")
 ]
 
 # prove, verify
@@ -294,7 +294,9 @@ Scheduler = Annotated[
 ]
 Cluster = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Start the workers of a cluster by one of dask's cluster classes, as FILE says."),
+    typer.Option(
+        metavar="FILE", help="Start the workers of a cluster by one of dask's cluster classes, given in FILE."
+    ),
 ]
 EachTimeLimit = Annotated[
     float,
@@ -333,10 +335,11 @@ GoalKind = Annotated[
     str, typer.Option(metavar="KIND", help="joints: goals are configurations; pose: poses of the end effector.")
 ]
 Jitter = Annotated[
-    float, typer.Option(metavar="METRES", help="Move each obstacle by at most this along each axis.", parser=_number)
+    float,
+    typer.Option(metavar="METRES", help="Shift each obstacle by up to this much along each axis.", parser=_number),
 ]
 Resize = Annotated[
-    float, typer.Option(metavar="SHARE", help="Change each size of an obstacle by at most this share.", parser=_number)
+    float, typer.Option(metavar="SHARE", help="Change each size of an obstacle by up to this share.", parser=_number)
 ]
 
 # study, reproduce

@@ -29,13 +29,13 @@ LONG_WAIT = 1.0  # [s] after which a command says what it is doing
 
 
 def say(text: str, style: str) -> None:
-    """Print one line to standard error, whatever names and values it repeats."""
+    """Print one line to standard error, with any names and values."""
     line = one_line(f"hdplan: {text}".replace("\n", " "))
     PlainConsole(sys.stderr).print(Text(line, style=style), soft_wrap=True)
 
 
 class Steps:
-    """The steps of a command, shown to whoever waits for it; this base class shows nothing."""
+    """The steps of a command, shown on the terminal; this base class shows nothing."""
 
     def begin(self, step: str) -> None:
         """Begin the next step."""

@@ -233,7 +233,7 @@ def _either(quantities: Iterable[str]) -> str:
 
 
 def _driven(problem: Problem, quantity: str, limits: JointValues | None) -> str:
-    """Say what keeps a limit: the timing, and a term on the path where gravity may overload a joint."""
+    """Return, in words, what keeps a limit: the timing, and a term on the path where gravity may overload a joint."""
     if limits is None:
         return ""
     if quantity != "torque":

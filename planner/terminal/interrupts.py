@@ -1,4 +1,4 @@
-"""Ctrl-C and `kill`: a command ends promptly and cleanly, whatever it is doing.
+"""Ctrl-C and `kill`: a command ends promptly and cleanly at any time.
 
 Python drops an exception that is raised in a destructor or in a callback of a C library, and the command would continue
 as if nothing had happened. So the exception is raised again until it propagates; a command that already has something
@@ -110,7 +110,7 @@ class Note:
         self.before = signal.getsignal(signal.SIGINT) or signal.SIG_DFL
 
     def __call__(self) -> None:
-        """Begin to note, in the place of a solver's own handler too, or begin again after a library has restored the
+        """Begin to note, in place of a solver's own handler too, or begin again after a library has restored the
         handler."""
         if not self._event.is_set() and signal.getsignal(signal.SIGINT) != self._note:
             signal.signal(signal.SIGINT, self._note)

@@ -1,5 +1,5 @@
-"""Output where characters are few, such as ASCII: those that we print ourselves become what they are written as there,
-and those of names are escaped. Nothing is lost, and nothing fails."""
+"""Output in encodings with few characters, such as ASCII: hdplan's own characters are spelt out, and those of names are
+escaped. Nothing is lost, and nothing fails."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ MADE: dict[Any, Any] = {str: str, bool: bool, Path: Path, list[Path]: Path, list
 
 
 class Reader:
-    """Reads the values of one parameter, in the place of Typer's own reader."""
+    """Reads the values of one parameter, in place of Typer's own reader."""
 
     def __init__(self, make: Any) -> None:
         """Take what makes a value of a word."""

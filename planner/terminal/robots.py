@@ -43,9 +43,9 @@ def _counts(name: str, files: RobotFiles) -> dict[str, Any]:
     """Return the numbers for one robot: kept on disk while the content of every file that it is read from is the
     same."""
     key = content_key(VERSION, name, str(files.urdf), str(files.srdf))
-    known = load("robots", key)
-    if known is not None and known["content"] == _content(known["files"]):
-        return dict(known["counts"])
+    known = load("robots", key, _kept)
+    if known is not None:
+        return known
     robot = load_robot(RobotSpec(name=name))
     counts = {
         "joints": robot.n,
@@ -58,6 +58,10 @@ def _counts(name: str, files: RobotFiles) -> dict[str, Any]:
     if stamps_of(read) == robot.files:
         store("robots", key, {"files": read, "content": _content(read), "counts": counts})
     return counts
+
+
+def _kept(value: Any) -> dict[str, Any] | None:
+    return dict(value["counts"]) if _content(value["files"]) == value["content"] else None
 
 
 def _content(files: list[str]) -> str | None:
@@ -137,7 +141,7 @@ def describe(name: str | RobotSpec) -> dict[str, Rows]:
 
 
 def _inverse_kinematics(robot: Robot) -> list[str]:
-    """Say how configurations of the end effector, if there is one, are found."""
+    """Return, in words, how configurations of the end effector, if there is one, are found."""
     try:
         target = PoseTarget(end_effector(robot, "link"), Pose())
     except InputError:

@@ -74,7 +74,7 @@ def complain(text: str, code: int = BAD_INPUT) -> int:
 
 
 def _internal(error: Exception) -> int:
-    """Print one line about an internal error, or all of it where DEBUG asks for it, and return its exit code."""
+    """Print one line about an internal error, or all of it where DEBUG requires it, and return its exit code."""
     text = f"internal error, please report it with the scene and the command: {_fault(error)}"
     if not debugging():
         return complain(f"{text}; {DEBUG}=1 shows it whole", INTERNAL)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hdplan.scenes.scene import Scene
     from hdplan.scenes.sizes import Tracking
 
-STANDS = 1e-6  # [rad/s etc.] below which a joint stands still, up to rounding
+STILL_RATE = 1e-6  # [rad/s etc.] below which a joint stands still, up to rounding
 BAR = 14  # [columns] width of the bar for a torque at its limit
 WIDTH = 80  # [columns] of tables where the output is not a terminal
 
@@ -140,7 +140,7 @@ def _joint_table(*columns: str) -> Table:
 
 def _peak(peak: Peak) -> Text:
     """Return a peak value with its share of the limit, if there is one."""
-    value = f"{peak.value if peak.value > STANDS else 0:.4g}"
+    value = f"{peak.value if peak.value > STILL_RATE else 0:.4g}"
     if peak.share is None:
         return Text(value)
     return Text.assemble(f"{value} ", (f"{100 * peak.share:4.0f} %", _style(peak)))

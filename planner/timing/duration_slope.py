@@ -25,7 +25,7 @@ from hdplan.planner.timing.time_optimal import (
     MOST_BELOW,
     NEXT_HIGH,
     NEXT_LOW,
-    NONE,
+    NO_LINE,
     FastestLaw,
     OnGrid,
     PathRows,
@@ -64,8 +64,8 @@ class SlopedLimit(Protocol):
 
 
 def duration_slope(waypoints: Array, limits: Sequence[SlopedLimit]) -> tuple[float, Array]:
-    """Return the duration [s] of the fastest law along waypoints (N, n), whatever its jerk, and its derivative (N, n)
-    by them; limits are those that the law knows. Raises HdplanError if there is none."""
+    """Return the duration [s] of the fastest law along waypoints (N, n), regardless of its jerk, and its derivative (N,
+    n) by them; limits are those that the law knows. Raises HdplanError if there is none."""
     basis = _basis(len(waypoints))
     path = OnGrid(*(basis @ waypoints))
     given = [(limit, rows) for limit in limits if (rows := limit.rows(path)) is not None]
@@ -117,8 +117,8 @@ def _binding(law: FastestLaw) -> Binding:
         bind(step, pushed[step + 1], twice * by_next / push)
         by_x[step] += by_next * (1.0 - twice * by_speed / push)  # 0 where the step leads to the end of a set
     for step, (above, below) in enumerate(held[:-1]):
-        if by_high[step] and above != NONE:
-            below = 2 * rows + MOST_BELOW if below == NONE else below
+        if by_high[step] and above != NO_LINE:
+            below = 2 * rows + MOST_BELOW if below == NO_LINE else below
             (up, by_up), (down, by_down) = slopes(step, above), slopes(step, below)
             share = by_high[step] / (by_down * up - by_up * down)
             bind(step, above, -down * share)

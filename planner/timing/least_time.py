@@ -19,7 +19,7 @@ import numpy as np
 
 from hdplan.scenes.array_types import Array
 
-ENDLESS = 1e12  # in place of a limit that is not there, in its unit times this power of the order of the derivative
+MISSING_LIMIT = 1e12  # in place of a missing limit, in its unit, to the power of the order of the derivative
 
 
 def least_times(way: Array, limits: Mapping[str, Array]) -> Array:
@@ -27,7 +27,7 @@ def least_times(way: Array, limits: Mapping[str, Array]) -> Array:
     and those of other quantities, bound nothing. A lower bound, exact for one joint alone."""
     distance = np.abs(way)
     v, a, j = (
-        np.minimum(limits.get(name, np.inf), ENDLESS**order) * np.ones(way.shape[-1])
+        np.minimum(limits.get(name, np.inf), MISSING_LIMIT**order) * np.ones(way.shape[-1])
         for order, name in enumerate(("velocity", "acceleration", "jerk"), 1)
     )
     a = np.minimum(a, np.sqrt(v * j))

@@ -1,4 +1,4 @@
-"""A motion that does not begin or end at rest: a motion from rest to rest, and what brakes the robot, added up.
+"""A motion that does not begin or end at rest: the sum of a motion from rest to rest and of braking.
 
 At its start the robot brakes as fast as it can (`braking`), to where it would come to stand; from there a path is
 planned and timed from rest to rest; and it comes to its goal's rates as it would brake, backwards. With p the motion
@@ -137,7 +137,7 @@ class MovingEnds:
         )
 
     def _estimate(self, braking: Braking, stands: Array, other: Array) -> float:
-        """Return the rows that it takes to brake and to go on, straight from where the robot stands to another
+        """Return the rows that it takes to brake and to continue, straight from where the robot stands to another
         configuration (n,), with minimum jerk."""
         way, limits = other - stands, self.setup.limits
         kinds = enumerate((limits.get(name, np.inf) for name in PEAKS), 1)
@@ -153,7 +153,7 @@ class MovingEnds:
         return max(lead + count, len(braking))
 
     def _hindrance(self, rows: Array, part: Braking, rates: EndRates) -> str:
-        """Say why a robot cannot brake, or speed up, along positions (rows, n) so; nothing if it can."""
+        """Return the reason why a robot cannot brake, or speed up, along positions (rows, n) so; nothing if it can."""
         robot = self.setup.robot
         curve = self._curve((rows, part.velocity, part.acceleration))
         if (beyond := self._beyond(curve)) is not None:

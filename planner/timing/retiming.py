@@ -9,7 +9,7 @@ twice differentiable, with the polyline's ends, and within its hull, so within t
 
 *The time law* (`time_laws`). The fastest one within the limits but jerk (`time_optimal`) is averaged over a window of
 whole rows, then stretched in time until every limit holds on the executed curve (`limits`), which takes one look, as a
-stretch changes no shape, except for the rounding of its rows: that is looked at last. Of several windows the one with
+stretch changes no shape, except for the rounding of its rows: that is examined last. Of several windows the one with
 the shortest motion is chosen. With `timing.duration` it is the minimum-jerk law; only if that violates a limit and no
 obstacle moves, it is the fastest law, stretched to the duration.
 
@@ -35,7 +35,7 @@ from hdplan.planner.timing.least_time import least_time, least_times
 from hdplan.planner.timing.limits import MARGIN, RateLimit, TimingLimit, timing_limits
 from hdplan.planner.timing.path_spline import PathSpline, smooth
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
-from hdplan.planner.timing.time_optimal import GRID, OnGrid, time_optimal
+from hdplan.planner.timing.time_optimal import GRID, OnGrid, grid, time_optimal
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.timing import MOST_ROWS, Timing
@@ -46,11 +46,12 @@ if TYPE_CHECKING:
 
 FEWEST_ROWS, FEWEST_PARTS = 1, 4  # in the narrowest window; beside the window
 WINDOWS, GAIN = 8, 3e-3  # that are tried at most; relative gain for which one is
-LITTLE, MUCH = 1e-3, 0.1  # relative stretch of a motion for which its window is wide enough; that has other causes
+SMALL_STRETCH = 1e-3  # relative stretch of a motion for which its window is wide enough
+LARGE_STRETCH = 0.1  # relative stretch of a motion that has other causes than its window
 REFINEMENTS = 5  # times that a motion, stretched, gets more rows
 ROUNDINGS = 8  # stretches at most, for the rounding of rows
-INSET = 1e-4  # [rad] or [m] from the joint limits
-STANDS = 1e-9  # [rad] or [m] a path with less travel leads nowhere
+LIMIT_INSET = 1e-4  # [rad] or [m] from the joint limits
+LEAST_TRAVEL = 1e-9  # [rad] or [m] a path with less travel leads nowhere
 
 
 Rows = tuple[Array, Array, Array]  # positions, velocities and accelerations (rows, n)
@@ -100,16 +101,17 @@ class Retimer:
             self.rate = self.ends.rate
 
     def with_limit(self, limit: TimingLimit) -> Retimer:
-        """Return the same with one more limit."""
+        """Return a copy with one more limit."""
         found = copy.copy(self)
         found.limits = (*self.limits, limit)
         return found
 
-    def with_shares(self, shares: Array) -> Retimer:
-        """Return the same for paths that are driven at shares of the speed (points,) at the points of `grid`:
-        accelerations are less by their squares there, as in a motion that is slowed."""
+    def with_speeds(self, speeds: Array, changes: Array, first: float = 0.0, last: float = 1.0) -> Retimer:
+        """Return the same for the part from `first` to `last` of a path on which stages (k,) are driven at shares of
+        the speed; at `changes` (k - 1,) of the path the next one begins. Accelerations are less by the squares of the
+        shares, as in a motion that is slowed."""
         found = copy.copy(self)
-        found.shares = shares
+        found.shares = speeds[np.searchsorted(changes, first + grid() * (last - first), side="right")]
         return found
 
     def standing(self, query: Query) -> Query:
@@ -121,8 +123,8 @@ class Retimer:
         return least_time(goal - start, self.rates)
 
     def quickest_along(self, path: Array) -> float:
-        """The time [s] of the fastest law along waypoints (N, n), whatever its jerk; ∞ where there is none."""
-        if np.ptp(path, axis=0).max() < STANDS:
+        """The time [s] of the fastest law along waypoints (N, n), regardless of its jerk; ∞ where there is none."""
+        if np.ptp(path, axis=0).max() < LEAST_TRAVEL:
             return 0.0
         try:
             return float(self._time_optimal(smooth(self._inset(path))).knots[-1]) / self.timing.scale
@@ -146,8 +148,8 @@ class Retimer:
         return duration / self.timing.scale, slope * (within == path) / self.timing.scale
 
     def too_short(self, start: Array, goal: Array) -> str | None:
-        """Say why no motion between two configurations (n,) at rest is as short as the scene's duration; None if one
-        may."""
+        """Return the reason why no motion between two configurations (n,) at rest is as short as the scene's duration;
+        None if one may."""
         if self.timing.duration is None or self.ends is not None:
             return None
         least = least_times(goal - start, self.rates)
@@ -184,8 +186,8 @@ class Retimer:
         yield self._joined(of_rows(count), lead, trail)
 
     def _of_rows(self, path: Trajectory) -> tuple[Callable[[int], Timed], int]:
-        """Return what times a path, from rest to rest, in so many intervals between rows, and the least number of them;
-        0 where the scene's duration says how many there are."""
+        """Return the timing of a path, from rest to rest, in so many intervals between rows, and the least number of
+        them; 0 where the scene's duration says how many there are."""
         if self.timing.duration is not None:
             return lambda count: cast(Timed, self._from_rest(path, count / self.rate)), 0
         spline = smooth(self._inset(path.positions))
@@ -242,9 +244,9 @@ class Retimer:
         return None if duration >= than else found._replace(duration=duration)
 
     def _inset(self, waypoints: Array) -> Array:
-        """Keep the inner waypoints INSET away from the joint limits: between rows, quintics deviate from the path by
-        less."""
-        result = np.clip(waypoints, self.robot.inner[0] + INSET, self.robot.inner[1] - INSET)
+        """Keep the inner waypoints LIMIT_INSET away from the joint limits: between rows, quintics deviate from the path
+        by less."""
+        result = np.clip(waypoints, self.robot.inner[0] + LIMIT_INSET, self.robot.inner[1] - LIMIT_INSET)
         result[0], result[-1] = waypoints[0], waypoints[-1]
         return result
 
@@ -295,7 +297,7 @@ class Retimer:
         window = max(round(min(FEWEST_ROWS * stretch**3, widest)), FEWEST_ROWS)
         found, turned = self._averaged(spline, law, window, row), False
         for _ in range(WINDOWS):
-            wider = found.stretch > 1.0 + LITTLE and not turned
+            wider = found.stretch > 1.0 + SMALL_STRETCH and not turned
             step = max(window // (2 if turned else 4), 1)
             other = window + (step if wider else -step)
             least = law.duration + (window + (0.25 if wider else -0.75) * step) * row
@@ -304,7 +306,7 @@ class Retimer:
             next_ = self._averaged(spline, law, other, row)
             if next_.duration < found.duration or math.isinf(found.duration):
                 window, found = other, next_
-            elif wider and found.stretch > 1.0 + MUCH:
+            elif wider and found.stretch > 1.0 + LARGE_STRETCH:
                 turned = True
             else:
                 between = 0.5 * (window + other) / max(window, other) * row
@@ -351,7 +353,7 @@ class Retimer:
         return time_optimal([rows._replace(c=squares * rows.c) for rows in parts])
 
     def _check_rows(self, duration: float, rows: float = 0.0) -> None:
-        """Refuse a motion with more rows than are allowed, those that the rate asks for or more, before computing
+        """Refuse a motion with more rows than are allowed, those that the rate requires or more, before computing
         them."""
         rate, rows = self.rate, max(rows, duration * self.rate)
         if not rows < MOST_ROWS:
@@ -368,7 +370,7 @@ class Retimer:
 
 def _stands(path: Trajectory) -> bool:
     """True if a path leads nowhere."""
-    return bool(np.ptp(path.positions, axis=0).max() < STANDS)
+    return bool(np.ptp(path.positions, axis=0).max() < LEAST_TRAVEL)
 
 
 def _rows_of(trajectory: Trajectory) -> Rows:

@@ -1,4 +1,4 @@
-/* The fastest law along a path: `time_optimal.py` says what it is, and has the same in NumPy, equal to the bit. */
+/* The fastest law along a path: `time_optimal.py` defines it, and computes it in NumPy, equal to the bit. */
 
 #include <math.h>
 
@@ -21,7 +21,7 @@ typedef struct {
 
 enum { NEXT_HIGH, NEXT_LOW, MOST_ABOVE, MOST_BELOW, MORE, NONE = -1 };
 
-/* The squared path_speeds x that are left, and the numbers of the lines, one or two, that bound them from above. */
+/* The squared path speeds x that are left, and the numbers of the lines, one or two, that bound them from above. */
 typedef struct {
   double low, high;
   int none;
@@ -54,7 +54,7 @@ static void put(side* above, side* below, range* left, double a, double b, doubl
   to->c[to->count++] = c;
 }
 
-/* All lines on the acceleration u and the squared path_speed x at point i: the rows there and, with x + 2 step u, those of the
+/* All lines on the acceleration u and the squared path speed x at point i: the rows there and, with x + 2 step u, those of the
    next point, whose x is in `next`. */
 static range gather(const limits* of, long long i, range next, side* above, side* below) {
   range left = {0.0, of->most, 0, NONE, NONE};
@@ -82,7 +82,7 @@ static range eliminated(range left, const side* above, const side* below) {
   return left;
 }
 
-/* Put the squared path_speeds of the fastest law (points) into x, and the upper ends of their sets into highs; the lower
+/* Put the squared path speeds of the fastest law (points) into x, and the upper ends of their sets into highs; the lower
    ones (points) are scratch. What bounds them, by numbers of lines: `held` (points, 2) the sets, `pushed` (points) the step
    to a point. Returns whether there is a law. */
 static int time_optimal(const limits* of, side above, side below, double rounding, double slack, double* lows,
@@ -155,6 +155,6 @@ WRAPPER(call_time_optimal) {
 }
 
 PyMethodDef time_optimal_functions[] = {
-    FUNCTION("time_optimal", call_time_optimal, "Whether there is a law within limits, and the squared path_speeds of the fastest."),
+    FUNCTION("time_optimal", call_time_optimal, "Whether there is a law within limits, and the squared path speeds of the fastest."),
     END_OF_FUNCTIONS,
 };

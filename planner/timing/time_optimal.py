@@ -43,7 +43,7 @@ SLACK = 1e-12  # [–] of a row that may be rounding: all that is left of one wh
 NEXT_HIGH, NEXT_LOW, MOST_ABOVE, MOST_BELOW = range(
     4
 )  # lines beside the rows: x' in its set, and |ü| at most GREATEST_RATE
-NONE = -1  # in place of a line's number
+NO_LINE = -1  # in place of a line's number
 
 
 class PathRows(NamedTuple):
@@ -78,7 +78,7 @@ class FastestLaw(NamedTuple):
     rows: PathRows  # all limits side by side
     squares: Array  # (points,) u̇²
     highs: Array  # (points,) the upper ends of their sets
-    held: Rows  # (points, 2) the lines, one or two, by which an upper end is what it is; or NONE
+    held: Rows  # (points, 2) the lines, one or two, by which an upper end is what it is; or NO_LINE
     pushed: Rows  # (points,) the line that bounds the step to a point
 
     @property
@@ -101,10 +101,10 @@ def time_optimal(limits: Sequence[PathRows]) -> Stepwise:
 
 
 def fastest(limits: Sequence[PathRows]) -> FastestLaw:
-    """Return the same, and what bounds it."""
+    """Return the fastest law, and the lines that bound it."""
     none = np.zeros((GRID + 1, 0))
     a, b, c = (np.hstack(values) for values in zip(PathRows(none, none, none), *limits, strict=True))
-    held, pushed = np.full((GRID + 1, 2), NONE, dtype=np.int64), np.full(GRID + 1, NONE, dtype=np.int64)
+    held, pushed = np.full((GRID + 1, 2), NO_LINE, dtype=np.int64), np.full(GRID + 1, NO_LINE, dtype=np.int64)
     law = FastestLaw(PathRows(a, b, c), np.zeros(GRID + 1), np.zeros(GRID + 1), held, pushed)
     known = np.isfinite(a).all() and np.isfinite(b).all() and not np.isnan(c).any()
     loops = library()
@@ -160,13 +160,13 @@ def _eliminated(a: Array, b: Array, c: Array) -> tuple[float, float, tuple[int, 
     slopes = np.concatenate([b[flat], (b[above][:, None] * behind + b[below] * ahead).ravel()])
     bounds = np.concatenate([c[flat], (c[above][:, None] * behind + c[below] * ahead).ravel()])
     if (bounds[slopes == 0.0] < 0.0).any():
-        return np.inf, GREATEST_RATE, (NONE, NONE)
+        return np.inf, GREATEST_RATE, (NO_LINE, NO_LINE)
     ratio = np.divide(bounds, slopes, out=np.zeros_like(bounds), where=slopes != 0.0)
     low, high = float(ratio[slopes < 0.0].max(initial=0.0)), float(ratio[slopes > 0.0].min(initial=GREATEST_RATE))
     if high == GREATEST_RATE:
-        return low, high, (NONE, NONE)
+        return low, high, (NO_LINE, NO_LINE)
     place = int(np.where(slopes > 0.0, ratio, np.inf).argmin())
     if place < len(flat):
-        return low, high, (int(flat[place]), NONE)
+        return low, high, (int(flat[place]), NO_LINE)
     first, second = divmod(place - len(flat), len(below))
     return low, high, (int(above[first]), int(below[second]))

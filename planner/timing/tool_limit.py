@@ -2,7 +2,8 @@
 
 With p' and p'' its derivatives by u: its velocity is p' u̇, its acceleration p'' u̇² + p' ü, of which the part t along p'
 and the part n across add up to at most a where they are within an octagon that a circle of radius a is drawn around.
-Both are sampled here, not bounded; the certificate bounds them. A path may have several paces, one after the other.
+Both are sampled here, not bounded; the certificate bounds them. A path may have several such limits, one part after the
+other.
 """
 
 from __future__ import annotations
@@ -28,12 +29,12 @@ STEP = 1e-4  # of a path's parameter, for differences
 INSCRIBED = float(np.cos(np.pi / 8))  # how far the sides of the octagon are from its centre, in radii
 # along and across, n ≥ 0
 DIRECTIONS = read_only(np.array([[np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)] for k in range(5)]))
-STANDS = 1e-9  # [m] of a path's slope, below which it has no direction
+LEAST_SLOPE = 1e-9  # [m] of a path's slope, below which it has no direction
 
 
 @dataclass(frozen=True, eq=False)
-class Pace:
-    """The most that a link may do on a part of a path."""
+class ToolRates:
+    """Limits of speed and acceleration of a link on a part of a path."""
 
     speed: float | None  # [m/s]
     acceleration: float | None  # [m/s²]
@@ -49,27 +50,27 @@ class Pace:
 class ToolLimit:
     """Speed of the link's origin along a curve that is followed."""
 
-    def __init__(self, robot: Robot, link: str, paces: Sequence[Pace]) -> None:
+    def __init__(self, robot: Robot, link: str, parts: Sequence[ToolRates]) -> None:
         """Look up the link. Raises InputError as `link_frame`."""
         frame = robot.model.frames[link_frame(robot, link, "path.follow")]
-        self.robot, self.arm, self.paces = robot, kinematics_of(robot), paces
+        self.robot, self.arm, self.parts = robot, kinematics_of(robot), parts
         self.joint, self.point = int(frame.parentJoint), frame.placement.translation
-        self.orders = [order for order in MARGINS if any(pace.most(order) < GREATEST_RATE for pace in paces)]
+        self.orders = [order for order in MARGINS if any(part.most(order) < GREATEST_RATE for part in parts)]
 
     @classmethod
     def of(cls, setup: Setup) -> ToolLimit:
         """Take that of the curve that a scene's motion follows. Raises InputError as `link_frame`."""
         follow = setup.scene.path.follow
         assert follow is not None
-        return cls(setup.robot, follow.link, [Pace(follow.speed, follow.acceleration)])
+        return cls(setup.robot, follow.link, [ToolRates(follow.speed, follow.acceleration)])
 
     def rows(self, path: OnGrid) -> PathRows:
         """Rows of the limit on a path at the points of `grid`."""
-        slope, bend = self._by_joints(*path)
+        slope, curvature = self._by_joints(*path)
         size = np.linalg.norm(slope, axis=1)
-        way = slope / np.maximum(size, STANDS)[:, None]
-        along = (bend * way).sum(axis=1)
-        across = np.linalg.norm(bend - along[:, None] * way, axis=1)
+        way = slope / np.maximum(size, LEAST_SLOPE)[:, None]
+        along = (curvature * way).sum(axis=1)
+        across = np.linalg.norm(curvature - along[:, None] * way, axis=1)
         found = [(0.0 * size, size**2, self._planned(1) ** 2)] if 1 in self.orders else []
         for one, other in DIRECTIONS if 2 in self.orders else ():
             found.append((one * size, one * along + other * across, INSCRIBED * self._planned(2)))
@@ -77,11 +78,11 @@ class ToolLimit:
         return PathRows(a, b, c)
 
     def _planned(self, order: int) -> Array:
-        """The most that is planned for at the points of `grid`: the least of all paces there."""
+        """The most that is planned for at the points of `grid`: the least of all parts there."""
         u, found = grid(), np.full(len(grid()), GREATEST_RATE)
-        for pace in self.paces:
-            here = (pace.planned[0] <= u) & (u <= pace.planned[1])
-            found[here] = np.minimum(found[here], pace.most(order))
+        for part in self.parts:
+            here = (part.planned[0] <= u) & (u <= part.planned[1])
+            found[here] = np.minimum(found[here], part.most(order))
         return found
 
     def stretch(self, curve: Curve) -> float:
@@ -89,26 +90,26 @@ class ToolLimit:
         count = SAMPLES * (len(curve) - 1) + 1
         parameters = np.linspace(0.0, 1.0, count)
         q, v, a = (curve.over_time(order).at_parameter(parameters) for order in range(3))
-        values, pace = dict(zip(MARGINS, self._by_joints(q, v, a), strict=True)), self._kept(q)
-        most = {order: np.array([each.most(order) for each in self.paces])[pace] for order in self.orders}
+        values, part = dict(zip(MARGINS, self._by_joints(q, v, a), strict=True)), self._kept(q)
+        most = {order: np.array([each.most(order) for each in self.parts])[part] for order in self.orders}
         found = [(np.linalg.norm(values[order], axis=1) / each) ** (1 / order) for order, each in most.items()]
         return float(np.max(found, initial=0.0))
 
     def _kept(self, q: Array) -> NDArray[np.int64]:
-        """Return which pace is kept at each of some configurations (k, n) along the path."""
+        """Return the number of the part whose limits hold at each of some configurations (k, n) along the path."""
         found, last = np.zeros(len(q), np.int64), 0
-        for number, pace in enumerate(self.paces):
-            if pace.begins is not None:
-                last += int(np.linalg.norm(q[last:] - pace.begins, axis=1).argmin())
+        for number, part in enumerate(self.parts):
+            if part.begins is not None:
+                last += int(np.linalg.norm(q[last:] - part.begins, axis=1).argmin())
             found[last:] = number
         return found
 
-    def _by_joints(self, q: Array, slope: Array, bend: Array) -> tuple[Array, Array]:
+    def _by_joints(self, q: Array, slope: Array, curvature: Array) -> tuple[Array, Array]:
         """Return the first and second derivative of p (k, 3) from those of q (k, n)."""
         ahead, behind = (self._jacobian(q + sign * STEP * slope) for sign in (1.0, -1.0))
         jacobian = self._jacobian(q)
         turned = np.einsum("kcn,kn->kc", (ahead - behind) / (2.0 * STEP), slope)
-        return np.einsum("kcn,kn->kc", jacobian, slope), np.einsum("kcn,kn->kc", jacobian, bend) + turned
+        return np.einsum("kcn,kn->kc", jacobian, slope), np.einsum("kcn,kn->kc", jacobian, curvature) + turned
 
     def _jacobian(self, q: Array) -> Array:
         """Return ∂p/∂q (k, 3, n)."""

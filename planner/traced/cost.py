@@ -1,5 +1,4 @@
-"""Whole problems in JAX: the cost of motions, for any number of problems and guesses at once, on whatever device there
-is.
+"""Whole problems in JAX: the cost of motions, for any number of problems and guesses at once, on any device.
 
 A pure function of arrays without callbacks, for `jit`, `vmap` and `grad` in any order. It has the planner's own pairs,
 margins and samples, and is held to `Problem.evaluate`.
@@ -35,8 +34,8 @@ class JaxCost:
     """The cost of a problem in JAX, or of R problems at once; made by `jax_cost`. Arrays are JAX's, in their precision
     (`jax.enable_x64`).
 
-    The smoothness, and the weighed squared hinge of the HD-SDF of pairs of bodies: links with standing and moving
-    obstacles and with links, what is held included. Terms of any other kind are refused, never left out.
+    The smoothness, and the weighed squared hinge of the HD-SDF of pairs of bodies: links with static and moving
+    obstacles and with links, held objects included. Terms of any other kind are refused, never left out.
 
     It is a pytree: as an argument of a function under `jit` it is compiled once for all costs of equal shapes, wherever
     the obstacles are; and `vmap` maps a cost of R problems to costs of one each.
@@ -48,7 +47,7 @@ class JaxCost:
     tables: Tables
 
     def __repr__(self) -> str:
-        """Say the sizes."""
+        """Return the sizes, for display."""
         count = f"{len(self.tables.smoothness)} problems" if self._several else "one problem"
         pairs, samples = sum(table.place.shape[-1] for table in self.tables.pairs), self.tables.share.shape[-1]
         return f"<JaxCost of {count}: {self.structure.waypoints} waypoints, {pairs} pairs at {samples} samples>"
@@ -125,16 +124,16 @@ def jax_cost(problem: Problem | list[Problem] | tuple[Problem, ...]) -> JaxCost:
     Its value is `problem.evaluate(positions, weight).cost`, for any number of motions at once. Where the problem
     samples more densely (`problem.resampled`), so does it.
 
-    Of a list of R problems it takes (..., R, N, n), a motion for each. They are of one robot, or of robots that are
-    built alike, with as many waypoints; obstacles, sizes, clearances, what is held and the samples may differ, in
-    number too: what one has fewer of is filled with what costs nothing.
+    Of a list of R problems it takes (..., R, N, n), a motion for each. They are of one robot, or of robots with the
+    same joints, with equal numbers of waypoints; obstacles, sizes, clearances, held objects and samples may differ, in
+    number too: missing ones are padded at no cost.
 
     Args:
-        problem: made by `hdplan.build`, of a scene whose penalty is about pairs of bodies alone; or a list of them.
+        problem: made by `hdplan.build`, of a scene whose penalty has pairs of bodies alone; or a list of them.
 
     Raises:
         InputError: for a problem with other terms (path constraints, torques, limits of speed beside moving obstacles,
-            a term of one's own, path_speed), with ``planner.swept``, or with ``planner.distance: fcl``; for problems of
+            your own terms, path speed), with ``planner.swept``, or with ``planner.distance: fcl``; for problems of
             unlike robots, numbers of waypoints or ``planner.gamma``, and for an empty list.
     """
     if isinstance(problem, list | tuple):

@@ -71,7 +71,7 @@ FILL = Tables(*(ZERO,) * 5, NONE, HALF, ZERO, turns=read_only(np.eye(3)), origin
 
 
 def structure_of(problem: Problem) -> Structure:
-    """Return what other problems must have in common with this one."""
+    """Return the properties that other problems must share with this one."""
     _, count, parents, coordinates, turning, _, _ = _tree(problem)
     linkage = problem.robot.linkage
     return Structure(

@@ -1,4 +1,4 @@
-"""The layer of boxes: what the planner takes standing obstacles apart into, a box around each of its bodies."""
+"""The layer of boxes: a box around each body into which the planner divides static obstacles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The edited: a scene with its motions, and the way back. It knows no browser, and nothing that is drawn.
+"""The edited document: a scene with its motions, and undo. It depends on no browser and no drawing.
 
 Who shows it listens (`Audience`); the panel's parts change it by the methods here, and by no other way. All is called
 by the viewer's one thread.

@@ -1,4 +1,4 @@
-"""Edits from the panel: each is a step that can be undone, or refused in one line, with nothing changed.
+"""Edits from the panel: each is one step that can be undone, or is refused in one line and changes nothing.
 
 The same field edited again at once (a slider dragged) belongs to the same step, as does more of a value that is typed,
 however long the hand rests, until another field is entered. A value that is typed is taken digit by digit; where more

@@ -1,4 +1,4 @@
-"""The gate of the page: an address holds a secret, as Jupyter's does, and pages of other sites are turned away.
+"""The gate of the page: an address holds a secret, as Jupyter's does, and pages of other sites are rejected.
 
 viser serves whoever asks. Its server is made by `websockets.asyncio.server.serve`, which is given a check of every
 request and a connection that drops forbidden messages; a viser that makes its server in another way is not used.

@@ -1,4 +1,4 @@
-"""Groups of obstacles, as pure functions: what stands before the last slash of a name is its group.
+"""Groups of obstacles, as pure functions: the part of a name before its last slash is its group.
 
 So groups are saved with the scene, and everything else that reads it needs to know nothing of them.
 """

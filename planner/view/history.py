@@ -1,4 +1,4 @@
-"""The way back and forth: what was shown before each step, and what was undone.
+"""Undo and redo: the states before each step, and the undone ones.
 
 A value is remembered as it is when it is left, as what a step began goes on changing: a motion follows what is dragged.
 """

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.view.drawing.labels import Label
 from hdplan.planner.view.drawing.nodes import LinkNode, ObstacleNode
 from hdplan.planner.view.looking import SPARSE
 from hdplan.planner.view.things import place_of
@@ -69,6 +70,10 @@ class InView:
         """Return where the handle is; None: there is none."""
         viewer, thing = self._viewer, self._viewer.panel.handles.selected
         return None if thing is None else place_of(viewer.edited, thing, viewer.stage.tip)
+
+    def words(self) -> tuple[Label, ...]:
+        """Return the labels that are not to lie over each other."""
+        return self._viewer.stage.words
 
 
 def few_of(joints: Array) -> Array:

@@ -18,6 +18,7 @@ from hdplan.planner.job.result import JobResult
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.ground import ground_of
+from hdplan.planner.view.drawing.labels import Label
 from hdplan.planner.view.drawing.nodes import ObstacleNode
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited_job import EditedJob
@@ -209,6 +210,10 @@ class JobViewer(Served):
         thing = self.handles.thing
         return None if thing is None else self.edited.place_of(thing)
 
+    def words(self) -> tuple[Label, ...]:
+        """Return the labels that are not to be cut off, or lie over each other."""
+        return (self.stage.closest.label,)
+
     # --- requests of browsers: by any thread ------------------------------------------------------------------------
 
     def toggle(self) -> None:
@@ -282,6 +287,7 @@ class JobViewer(Served):
             q = shown.motion.curve.at_time(np.array([now]))[0]
         with self.server.atomic():
             self.stage.show(q, now, pairs)
+            self.looking.arrange()
             self.layers.show(q)
             words = "" if shown is None else clearance_words(self.player.timeline.words(now), pairs)
             self._clearance.content, self._held.content = words, held_words(edited, number)

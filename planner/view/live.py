@@ -1,4 +1,4 @@
-"""Live planning: while something is dragged, the motion is planned anew from the last one, again and again.
+"""Live planning: while something is dragged, the motion is planned again and again, each time from the last one.
 
 A thread plans for the newest scene (`plan` with the last motion as its guess, nothing is compiled again); scenes that
 came and went meanwhile are dropped. What it finds certified is shown; a motion that no longer holds in the scene as it

@@ -1,7 +1,8 @@
 """The browsers' cameras: the subject is in the picture when they connect and at the press of a button, and
 obstacles between the eye and it fade.
 
-Every browser has a camera of its own; obstacles fade for the one that moved last.
+Every browser has a camera of its own; obstacles fade, and words make room for each other, for the one that moved
+last.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import viser
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.camera import FOV, SIDES, Boxes, View, best_view, view_from
 from hdplan.planner.view.drawing.handle import handle_points
+from hdplan.planner.view.drawing.labels import Label, Picture, arrange
 from hdplan.planner.view.drawing.nodes import LinkNode, ObstacleNode
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
@@ -58,6 +60,9 @@ class Subject(Protocol):
     def handle(self) -> Pose | None:
         """Return where the handle is; None: there is none."""
 
+    def words(self) -> Sequence[Label]:
+        """Return the labels that are not to lie over each other."""
+
 
 class Looking:
     """The cameras, and the buttons that set them."""
@@ -68,6 +73,7 @@ class Looking:
         self._outline_of: tuple[Robot, Outline] | None = None
         self._set: dict[int, tuple[str, float, Array]] = {}  # by browser: its view, for which aspect, and the eye
         self.eye: Array | None = None  # of the browser that moved last
+        self._picture: Picture | None = None  # its
         self.buttons = server.gui.add_button_group("look from", (BEST, *SIDES))
         self.buttons.on_click(self._pressed)
         server.on_client_connect(self._came)
@@ -112,6 +118,11 @@ class Looking:
         bodies: list[ObstacleNode | LinkNode] = [*obstacles, *ghosts]
         for body, covered in zip(bodies, covers, strict=True):
             body.clicks.let_through(covered)
+
+    def arrange(self) -> None:
+        """Let no label lie over another. By the worker's thread."""
+        if self._picture is not None:
+            arrange(self._subject.words(), self._picture)
 
     @property
     def _outline(self) -> Outline:
@@ -171,9 +182,14 @@ class Looking:
     def _moved(self, client: viser.ClientHandle, camera: viser.CameraHandle) -> None:
         eye = np.array(camera.position)
         name, aspect, set_to = self._set.get(client.client_id, (BEST, camera.aspect, eye))
-        if abs(camera.aspect - aspect) > RESIZED * aspect and np.abs(eye - set_to).max() < LEAST_EYE_MOTION:
+        begin = np.array(self._server.initial_camera.position)  # a browser that is slow goes back there once more
+        if _same(eye, set_to) and abs(camera.aspect - aspect) > RESIZED * aspect:
             self._ask(client, name)  # the camera stands where it was set: frame it anew
-        if self.eye is None or np.abs(eye - self.eye).max() > LEAST_EYE_MOTION:
+        elif _same(eye, begin) and not _same(set_to, begin):
+            self._ask(client, name)
+        self._picture = Picture.of(camera)
+        self._worker.ask("labels", self.arrange)
+        if self.eye is None or not _same(eye, self.eye):
             self.eye = eye
             self._worker.ask("fade", self.fade)
 
@@ -181,6 +197,11 @@ class Looking:
 def boxes_around(bodies: Sequence[ObstacleNode] | Sequence[LinkNode]) -> Boxes:
     """Return the boxes around bodies, where they are drawn."""
     return Boxes.around([body.parts for body in bodies], [body.place for body in bodies])
+
+
+def _same(eye: Array, other: Array) -> bool:
+    """True if an eye has not moved from one place (3,) to the other."""
+    return bool(np.abs(eye - other).max() < LEAST_EYE_MOTION)
 
 
 def _turn(client: viser.ClientHandle, view: View) -> None:

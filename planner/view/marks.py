@@ -11,8 +11,9 @@ import viser
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import INK, START
+from hdplan.planner.view.drawing.labels import LABELS
 from hdplan.planner.view.drawing.motion import ShownMotion, shortened
-from hdplan.planner.view.drawing.nodes import LABELS, ObstacleNode, wxyz_of
+from hdplan.planner.view.drawing.nodes import ObstacleNode, wxyz_of
 from hdplan.planner.view.drawing.skins import collision_skins
 from hdplan.scenes.array_types import Array
 

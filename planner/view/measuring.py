@@ -13,7 +13,8 @@ import numpy as np
 import viser
 
 from hdplan.planner.view.drawing.colors import INK
-from hdplan.planner.view.drawing.nodes import LABELS, SEGMENT_WIDTH, RobotNodes
+from hdplan.planner.view.drawing.labels import LABELS
+from hdplan.planner.view.drawing.nodes import SEGMENT_WIDTH, RobotNodes
 from hdplan.planner.view.drawing.rays import Surface, first_hit
 from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array

@@ -1,4 +1,4 @@
-"""One thread that works on the newest request: what came and went meanwhile is dropped.
+"""One thread that works on the newest request: outdated requests are dropped.
 
 `Worker` does short jobs for whoever asks; this one does what takes seconds, as planning does, and lets it be given up.
 """

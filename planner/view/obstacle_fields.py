@@ -86,7 +86,7 @@ class ObstacleFields:
     def paste(self, text: str) -> None:
         """Add obstacles that are written as in a scene, and select them. Raises InputError for any other text."""
         if len(text) > LONGEST_TEXT:
-            raise InputError(f"what is pasted has more than {LONGEST_TEXT} characters: open it as a scene's file")
+            raise InputError(f"the pasted text has more than {LONGEST_TEXT} characters: open it as a scene's file")
         file = self._viewer.uploads.take(PASTED, as_section(text).encode(), (PASTED,))
         edited, added = scene_edits.pasted(self._viewer.edited, read_obstacles(file))
         self._editing.apply("paste", lambda _: edited)

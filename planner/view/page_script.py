@@ -124,7 +124,7 @@ if (!window.hdplan) {
   const theme = () => tell({do: 'theme', dark: dark.matches, width: innerWidth});
   dark.addEventListener('change', theme);
   let resized;
-  addEventListener('resize', () => { clearTimeout(resized); resized = setTimeout(theme, 300); });
+  window.addEventListener('resize', () => { clearTimeout(resized); resized = setTimeout(theme, 300); });
   const numeric = (event) => event.target.matches('input[inputmode=decimal], input[inputmode=numeric]');
   document.addEventListener('keydown', (event) => {  // viser's fields drop the letter alone, and 1e9 would be 19
     if (!/^e$/i.test(event.key) || event.ctrlKey || event.metaKey || !numeric(event)) return;

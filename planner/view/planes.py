@@ -1,4 +1,4 @@
-"""The layer "separating plane": what the proof of the active motion says about the closest pair, moment by moment.
+"""The layer "separating plane": the plane of the active motion's proof for the closest pair, moment by moment.
 
 Without a proof's file, one is written when the layer is on and the motion is certified, by a thread of its own: that
 takes up to seconds. A proof is of one motion in one scene; when either changes, the plane goes until there is another.
@@ -20,7 +20,8 @@ from hdplan.planner.certificate.verdict import Closest, proven_length
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.gliding import LEAST_THICKNESS, slab_of
 from hdplan.planner.view.drawing.colors import PLANE
-from hdplan.planner.view.drawing.nodes import LABELS, wxyz_of
+from hdplan.planner.view.drawing.labels import LABELS
+from hdplan.planner.view.drawing.nodes import wxyz_of
 from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import time_limit

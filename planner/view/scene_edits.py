@@ -1,4 +1,4 @@
-"""Edits of what a scene asks for, as pure functions: another obstacle, another size, speed, clearance or setting.
+"""Edits of a scene, as pure functions: another obstacle, another size, speed, clearance or setting.
 
 Each takes a scene (`Edited`) and returns another, with the same checks as a scene file. Raises InputError, naming the
 obstacle and the field, for what no file could say.

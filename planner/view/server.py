@@ -105,10 +105,10 @@ def free_port(host: str, wanted: int) -> int:
                 trial.bind(address)
             return port
         except socket.gaierror:
-            raise InputError(f"--host: '{host}' is no address of this machine") from None
+            raise InputError(f"--host: '{host}' is not an address of this machine") from None
         except PermissionError:
             raise InputError(f"--port: {port} is not allowed to you; take one from 1024 to 65535") from None
         except OSError as error:
             if error.errno == errno.EADDRNOTAVAIL:
-                raise InputError(f"--host: '{host}' is no address of this machine") from None
-    raise InputError(f"--port: no port from {wanted} on is free, {TRIED} were tried")
+                raise InputError(f"--host: '{host}' is not an address of this machine") from None
+    raise InputError(f"--port: none of the {TRIED} ports from {wanted} is free")

@@ -12,9 +12,9 @@ from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.view.drawing.clash import ClashNode
 from hdplan.planner.view.drawing.clouds import CloudNode
 from hdplan.planner.view.drawing.colors import GOAL, START
+from hdplan.planner.view.drawing.labels import Label
 from hdplan.planner.view.drawing.motion import Tip, shortened
 from hdplan.planner.view.drawing.nodes import (
-    LABELS,
     ClosestNodes,
     ObstacleNode,
     RobotNodes,
@@ -48,9 +48,9 @@ class Stage:
         solid = [skin for skin in collision_skins(robot) or skins if skin.joint]  # what stands still is there once
         self.start = RobotNodes(server, "start", robot, solid, color=START, opacity=GHOST, inset=INSET)
         self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST, inset=2.0 * INSET)
-        self.labels = [server.scene.add_label(f"/label of {name}", name, **LABELS) for name in ("start", "goal")]
+        self.labels = [Label(server, f"/label of {name}", name, visible=True) for name in ("start", "goal")]
         self.robot = RobotNodes(server, "robot", robot, skins)  # where it says it is, the active motion, or the start
-        self.report_label = server.scene.add_label("/label of robot", "", visible=False, **LABELS)
+        self.report_label = Label(server, "/label of robot")
         self.closest = ClosestNodes(server)
         self.clash = ClashNode(server)
         image = edited.setup.filtered_points
@@ -72,7 +72,7 @@ class Stage:
             ghost.show(q)
             ghost.mark({link for contact in contacts for link in (contact.link, contact.other)})
             label.text = name if not contacts else shortened(f"{name}: {contact_words(contacts[:1])}")
-            label.position = self.tip.placement(q).translation + 0.06 * UP
+            label.place = self.tip.placement(q).translation + 0.06 * UP
         touched = {contact.other for contacts in edited.contacts for contact in contacts}
         for each in self.obstacles:
             each.mark(each.obstacle.name in touched)
@@ -85,19 +85,16 @@ class Stage:
         for ghost in (self.start, self.goal):
             ghost.visible = ghosts and not _same(ghost.q, q)
         for name, label in zip(("start", "goal"), self.labels, strict=True):  # also where the robot stands there
-            if label.visible != (shown := ghosts and name != self._handled):
-                label.visible = shown
+            label.visible = ghosts and name != self._handled
         self.closest.show(pairs)
 
     def name(self, report: Report | None) -> None:
         """Name the robot that reports itself, where it is; None: it does not."""
         label = self.report_label
         if report is not None:
-            label.position = self.tip.placement(report.q).translation + 0.12 * UP
-            if label.text != report.words:
-                label.text = report.words
-        if label.visible != (report is not None):
-            label.visible = report is not None
+            label.place = self.tip.placement(report.q).translation + 0.12 * UP
+            label.text = report.words
+        label.visible = report is not None
 
     def on_click(self, chosen: Callable[[Thing, bool], object]) -> None:
         """Name the listener to clicks: it gets what was clicked, and whether that is to be selected beside what is."""
@@ -105,6 +102,11 @@ class Stage:
             for link in ghost.links:
                 link.clicks.listen(partial(chosen, thing))
         self.standing.on_click(lambda name, more: chosen(Thing("obstacle", name), more))
+
+    @property
+    def words(self) -> tuple[Label, ...]:
+        """The labels that are not to lie over each other, from the one that stays to the one that gives way most."""
+        return *self.labels, self.report_label, self.clash.label, self.closest.label
 
     @property
     def obstacles(self) -> list[ObstacleNode]:

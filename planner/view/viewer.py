@@ -230,6 +230,7 @@ class Viewer(Served):
             if any(node.motion is not None for node in self.stage.obstacles):
                 self.panel.looking.fade()
             self.stage.name(report)
+            self.panel.looking.arrange()
             layers.show_plane(parameter, pairs, reported=report is not None)
             self.panel.follow(now, q, pairs, report)
 

@@ -144,7 +144,7 @@ def _orientation(entry: Field, frames: Frames) -> _Orientation:
     if len(turning) == 2 or turning == ["y"] or (len(turning) == 1 and by_vector):
         how = "a rotation vector" if by_vector else "Euler angles x, y, z"
         raise entry.error(
-            f"leaves {' and '.join(turning)} free by {how}, which is no cone of directions: x or z alone may be free"
+            f"leaves {' and '.join(turning)} free by {how}, which is not a cone of directions: x or z alone may be free"
         )
     tolerance = (
         min([WIDEST_CONE, *bounded]) if bounded else PoseTarget.orientation_tolerance

@@ -1,7 +1,7 @@
 """The frames in which a MoveIt scene and request may give poses: the world, and every frame fixed in it.
 
 These are the robot's root link, the links fixed to it, and the frames that `fixed_frame_transforms` attach to them.
-MoveIt looks for a frame among the links first, then among the objects, and last among `fixed_frame_transforms`.
+MoveIt seeks a frame among the links first, then among the objects, and last among `fixed_frame_transforms`.
 """
 
 from __future__ import annotations

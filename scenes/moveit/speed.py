@@ -1,7 +1,7 @@
 """Limits of speed in a MoveIt request.
 
 The factors multiply the limits of velocity and acceleration, and count from above 0 to 1; 0 is a factor that is not
-set, and means 1 (moveit_msgs/MotionPlanRequest). A factor of 1 asks for nothing: the motion is a path without times,
+set, and means 1 (moveit_msgs/MotionPlanRequest). A factor of 1 requires nothing: the motion is a path without times,
 which any controller may follow within the robot's limits. A smaller one gives it times, within limits that the
 certificate checks.
 """

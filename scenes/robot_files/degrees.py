@@ -1,4 +1,4 @@
-"""Angles of a URDF beyond a whole turn: they stand as they are, and a note asks whether they are in degrees."""
+"""Angles of a URDF beyond a whole turn: they are used unchanged, and a note asks whether they are in degrees."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ def find_robot(name: str) -> RobotFiles:
 
 
 def description_of(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path, ...]]:
-    """Return name, URDF, SRDF and the folders in which packages are looked for first."""
+    """Return name, URDF, SRDF and the folders in which packages are sought first."""
     if spec.name is not None:
         files = find_robot(spec.name)
         return spec.name, files.urdf, spec.srdf or files.srdf, (*spec.package_dirs, *library_package_dirs())

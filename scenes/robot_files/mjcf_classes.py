@@ -1,4 +1,4 @@
-"""Default classes of an MJCF: what an element says where it says nothing itself."""
+"""Default classes of an MJCF: the values of attributes that an element omits."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class DefaultClasses:
             if not below_name:
                 raise InputError("default: a class within another one must have a name: the attribute 'class'")
             if below_name in self._values:
-                raise InputError(f"default: the class '{below_name}' is there already; names must differ")
+                raise InputError(f"default: the class '{below_name}' is defined twice; names must differ")
             self._read(below, below_name, own)
 
     def check(self, name: str, where: str) -> str:

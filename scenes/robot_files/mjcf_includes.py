@@ -1,4 +1,4 @@
-"""MJCF of several files as one: each `include` is replaced by what stands in the file that it names.
+"""MJCF of several files as one: each `include` is replaced by the content of its file.
 
 As MuJoCo does it: a file's root element falls away, its content takes the place of the `include`; names of files are
 relative to the folder of the main file, or else to that of the file that names them; each file counts once.
@@ -44,7 +44,7 @@ def _put_in(element: ElementTree.Element, within: Path, files: list[Path], level
             raise InputError(f"include: must have the attribute 'file' and nothing else, found {dict(below.attrib)}")
         file = _found(name, files[0], within)
         if any(file.resolve() == each.resolve() for each in files):
-            raise InputError(f"include: '{name}' is there already; each file is included once")
+            raise InputError(f"include: '{name}' is included twice; each file may be included once")
         files.append(file)
         with naming(f"include: {file}"):
             root = parse(read_file(file), ROOTS)

@@ -40,7 +40,7 @@ def inertial_of(inertial: Element, frame: Pose, settings: Settings, where: str) 
 
 
 def why_not_known(root: Element, settings: Settings) -> str | None:
-    """Say why torques cannot be worked out of the `inertial` elements; None if they can."""
+    """Return the reason why torques cannot be worked out of the `inertial` elements; None if they can."""
     for key, as_given in AS_GIVEN.items():
         if settings.own.get(key, as_given[0]) not in as_given:
             return f"compiler: {key} changes those of the file"

@@ -39,7 +39,7 @@ HARMLESS: Mapping[
     str, Mapping[str, tuple[str, ...]]
 ] = {  # attributes, by element, with the reason why they do not affect planning
     "compiler": {
-        "visuals are no concern of planning": ("texturedir", "discardvisual"),
+        "visuals do not concern planning": ("texturedir", "discardvisual"),
         "how the model is compiled and saved": ("usethread", "saveinertial", "convexhull"),
         "bodies stay where they are": ("fusestatic", "alignfree"),
         "of what is worked out of geoms: masses, which are not taken": ("inertiagrouprange", "exactmeshinertia"),
@@ -114,7 +114,7 @@ PASSED_OVER = {  # elements that are not read, with the reason
     **dict.fromkeys(("size", "statistic", "visual", "custom"), "the simulator's, and the user's own"),
     **dict.fromkeys(("option", "sensor", "keyframe"), "how the simulation runs; of options, gravity is looked up"),
     **dict.fromkeys(("actuator", "lengthrange", *FORCES), "forces, whose limits are the scene's"),
-    **dict.fromkeys(("texture", "material", "skin", "camera", "light"), "visuals are no concern of planning"),
+    **dict.fromkeys(("texture", "material", "skin", "camera", "light"), "visuals do not concern planning"),
     **dict.fromkeys(("site",), "marks a place"),
     **dict.fromkeys(("hfield", "model"), "refused is what uses them"),
     **dict.fromkeys(("equality", "tendon"), "looked through by `mjcf_couplings`"),

@@ -23,10 +23,10 @@ SCHEMES = ("package", "model")  # of addresses in a package
 
 
 class Packages:
-    """The packages that one description may name. Made anew each time it is read, so that nothing is remembered."""
+    """The packages that one description may name. Made again each time it is read, so that nothing is remembered."""
 
     def __init__(self, description: Path, folders: tuple[Path, ...]) -> None:
-        """Take the description's file and the folders that are looked at first."""
+        """Take the description's file and the folders that are examined first."""
         self.description, self.folders = Path(os.path.realpath(description)), folders
         self._found: dict[str, Path | None] = {}
 

@@ -13,6 +13,6 @@ class Source:
     """A robot's description: what two readers of it must have in common to read the same robot."""
 
     urdf: Path  # URDF, xacro or MJCF
-    package_dirs: tuple[Path, ...] = ()  # where packages are looked for first
+    package_dirs: tuple[Path, ...] = ()  # where packages are sought first
     xacro_args: tuple[tuple[str, str], ...] = ()  # name, value
     base_joints: PlanarBase | None = None  # that carry the root link

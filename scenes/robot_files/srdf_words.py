@@ -104,7 +104,7 @@ def _check_unique(owner: Element, tag: str, keys: tuple[str, ...]) -> None:
         if count > 1:
             where = f"{owner.tag} '{owner.get('name')}': " if owner.tag != "robot" else ""
             group = f" of group '{of[0]}'" if of else ""
-            raise InputError(f"{where}{tag} '{name}'{group} is there {count} times; names must differ")
+            raise InputError(f"{where}{tag} '{name}'{group} appears {count} times; names must differ")
 
 
 def _walk(element: Element, tag: str, where: str) -> None:

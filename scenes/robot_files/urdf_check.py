@@ -75,7 +75,7 @@ def _names(root: ElementTree.Element, tag: str) -> list[str]:
         if name == WORLD:
             raise InputError(f"{tag} '{name}': the name stands for the world; another one is needed")
         if count > 1:
-            raise InputError(f"{tag} '{name}' is there {count} times; names must differ")
+            raise InputError(f"{tag} '{name}' appears {count} times; names must differ")
     return names
 
 

@@ -6,13 +6,14 @@ File -> the root element of its URDF, the files that it includes, and the pairs 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import read_file
 from hdplan.scenes.robot_files.link_pairs import LinkPair
-from hdplan.scenes.robot_files.mjcf import as_urdf
+from hdplan.scenes.robot_files.mjcf import Converted, as_urdf
 from hdplan.scenes.robot_files.packages import Packages
 from hdplan.scenes.robot_files.source import Source
 from hdplan.scenes.robot_files.xacro_text import expand_xacro
@@ -22,6 +23,9 @@ from hdplan.scenes.robot_spec import PlanarBase
 BASE_JOINTS = ("base_x", "base_y", "base_yaw")  # of a planar base
 ENDINGS = (".urdf", ".xacro", ".xml")  # of files that hold a robot
 XACRO = ".xacro"
+LANGUAGES: dict[str, Callable[[ElementTree.Element, Path], Converted]] = {  # by the root element of their XML
+    "mujoco": as_urdf,
+}
 
 
 @dataclass(frozen=True)
@@ -48,11 +52,11 @@ def read_description(source: Source) -> Description:
             data, included = expand_xacro(path, Packages(path, source.package_dirs), dict(source.xacro_args))
             files = (path, *included)
         elif source.xacro_args:
-            raise InputError(f"robot.xacro_args: the file is no xacro ({XACRO})")
-        root = parse(data, ("robot", "mujoco"))
+            raise InputError(f"robot.xacro_args: the file is not xacro ({XACRO})")
+        root = parse(data, ("robot", *LANGUAGES))
         excluded, notes = frozenset[LinkPair](), tuple[str, ...]()
-        if root.tag == "mujoco":
-            model = as_urdf(root, path)
+        if root.tag in LANGUAGES:
+            model = LANGUAGES[root.tag](root, path)
             root, excluded, notes, files = model.root, model.excluded, model.notes, (*files, *model.files)
         if source.base_joints is not None:
             _carry(root, source.base_joints)

@@ -122,7 +122,7 @@ def check_shapes(root: Element) -> tuple[str, ...]:
 
 def check_soft_limits(root: Element) -> tuple[str, ...]:
     """Return a note on joints of which a safety controller keeps a margin to the limits: MoveIt keeps it, too, and URDF
-    does not ask for it."""
+    does not require it."""
     found = []
     for joint in root.findall("joint"):
         soft, limit = joint.find("safety_controller"), joint.find("limit")

@@ -1,6 +1,6 @@
 """Xacro, macros for URDF, expanded by ROS's own library (the package xacro), with arguments and packages of one robot.
 
-The library keeps what it works on in its module: everything of that is made anew for each file, so that no robot has a
+The library keeps what it works on in its module: everything of that is made again for each file, so that no robot has a
 part of one that was read before.
 """
 
@@ -23,7 +23,7 @@ _expanding = ForkSafeLock()  # one file at a time
 def expand_xacro(path: Path, packages: Packages, arguments: Mapping[str, str]) -> tuple[bytes, tuple[Path, ...]]:
     """Return the URDF that a xacro file is a recipe for, and the files that it includes or loads.
 
-    Raises InputError without the library; for whatever goes wrong in the file; for arguments that have no value, and
+    Raises InputError without the library; for anything goes wrong in the file; for arguments that have no value, and
     for those that the file does not use.
     """
     try:

@@ -1,4 +1,4 @@
-"""Data of sensors in scene files, in the place of an obstacle's shape: ``cloud: {file: scan.ply, radius: 0.005}``,
+"""Data of sensors in scene files, in place of an obstacle's shape: ``cloud: {file: scan.ply, radius: 0.005}``,
 ``depth: {file: depth.png, intrinsics: [fx, fy, cx, cy]}``, ``octomap: {file: room.bt}`` or ``voxels: {file: grid.npz,
 size: 0.02}``."""
 

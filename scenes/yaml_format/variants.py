@@ -14,7 +14,7 @@ from hdplan.scenes.files import stamps_of
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import find_scene, read_scene
 
-ENDS = ("start", "goal")  # sections that a variant gives anew, whatever the file says
+ENDS = ("start", "goal")  # sections that a variant gives again, whatever the file says
 
 
 def load_variant(path: Path, fields: Mapping[str, object], name: str) -> Scene:

@@ -1,4 +1,4 @@
-"""The HD-SDF as it stands in the paper, in as many digits as asked for: the truth for small pairs.
+"""The HD-SDF as in the paper, to any number of digits: the truth for small pairs.
 
 Literal powers and plain loops in mpmath; derivatives by central differences, which lose nothing that matters at 120
 digits. Shares only the bodies and their candidate normals with the library.

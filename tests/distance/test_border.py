@@ -22,7 +22,8 @@ import pytest
 
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.build import build
-from hdplan.planner.certificate.followed_curve import PoseCurve
+from hdplan.planner.certificate.parts import Parts
+from hdplan.planner.certificate.pose_curve import PoseCurve
 from hdplan.planner.collision import separation_loop
 from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.controller import Controller
@@ -122,6 +123,8 @@ def run_scenes() -> None:
     slope = np.ones((GRID + 1, n))
     time_optimal([PathRows.both(slope, 0.0 * slope, 0.0 * slope, np.ones(n))])
     inverse_kinematics(replace(problem.robot), [0.4, 0.1, 0.5])  # one whose closed form is not kept
+    corners_of_parts = np.random.default_rng(0).normal(size=(20, 3, 3))
+    _ = Parts.of(corners_of_parts, np.zeros(20)).record.struct  # meshes of earlier tests keep theirs
     separation_loop.separation(loops, tree, hulls, 0.1, np.ones(n), (-wide, wide), 0.0, 0.9, 9)
     cell_boxes(loops, corners, np.full(3, 0.01), 0.04, np.tile([0.0, 0.0, 0.0, 9.0], (2, 1)))
     layers_loop.steps_between(loops, corners[:2], corners, np.ones(3), np.array([True, False, True]), 0.1)

@@ -29,7 +29,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_folder_is_the_users_alone(home: Path) -> None:
     cache.store("kind", "key", [1.5])
     assert home.stat().st_mode & 0o777 == 0o700
-    assert cache.load("kind", "key") == [1.5]
+    assert cache.load("kind", "key", lambda value: value) == [1.5]
 
 
 @pytest.mark.parametrize("open_one", ["home", "above"])
@@ -42,8 +42,8 @@ def test_where_others_may_write_nothing_is_read_or_written(home: Path, open_one:
     with pytest.warns(
         UserWarning, match=rf"is not used \(.*{open_one} can be written by others\), so expensive results"
     ):
-        assert cache.load("kind", "key") is None
-    assert not cache.write_whole(home / "kind" / "other.json", b"{}")  # and it is said once: warnings are errors here
+        assert cache.load("kind", "key", lambda value: value) is None
+    assert not cache.write_whole(home / "kind" / "other.json", b"{}")  # with one warning: warnings are errors here
     assert [file.name for file in (home / "kind").iterdir()] == ["key.json"]
 
 
@@ -52,11 +52,11 @@ def test_a_folder_like_tmp_above_it_will_do_but_not_as_the_cache_itself(home: Pa
     cache.store("kind", "key", 1)
     home.parent.chmod(0o1777)
     cache._trusted.clear()
-    assert cache.load("kind", "key") == 1
+    assert cache.load("kind", "key", lambda value: value) == 1
     home.chmod(0o1777)
     cache._trusted.clear()
     with pytest.warns(UserWarning, match="is not used"):
-        assert cache.load("kind", "key") is None
+        assert cache.load("kind", "key", lambda value: value) is None
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only the superuser can give files away")
@@ -66,7 +66,7 @@ def test_another_users_folder_is_not_used(home: Path, whose: str) -> None:
     cache._trusted.clear()
     os.chown(home if whose == "home" else home.parent, 12345, -1)
     with pytest.warns(UserWarning, match="belongs to another user"):
-        assert cache.load("kind", "key") is None
+        assert cache.load("kind", "key", lambda value: value) is None
 
 
 def test_a_link_to_a_folder_of_others_is_not_used(home: Path, tmp_path: Path) -> None:
@@ -78,7 +78,7 @@ def test_a_link_to_a_folder_of_others_is_not_used(home: Path, tmp_path: Path) ->
     home.parent.mkdir()
     home.symlink_to(theirs / "cache")
     with pytest.warns(UserWarning, match="theirs can be written by others"):
-        assert cache.load("kind", "key") is None
+        assert cache.load("kind", "key", lambda value: value) is None
 
 
 def test_neither_certificate_nor_proof_loads_what_is_compiled(tmp_path: Path) -> None:
@@ -100,4 +100,4 @@ def test_asking_is_quick_and_quiet(home: Path) -> None:
     """A folder that does not exist is no reason to warn."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert cache.load("kind", "key") is None
+        assert cache.load("kind", "key", lambda value: value) is None

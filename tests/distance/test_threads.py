@@ -1,5 +1,5 @@
-"""Every distance asked by eight threads at once, from one object and from objects of their own, gives bit for bit what
-it gives alone; what takes long to make is made once."""
+"""Every distance measured by eight threads at once, from one object and from objects of their own, equals the distance
+measured alone bit for bit; slow objects are made once."""
 
 from __future__ import annotations
 
@@ -257,7 +257,7 @@ def test_made_once_makes_each_value_once_and_keeps_the_latest() -> None:
     assert sorted(made) == [0, 1]
     assert len(set(map(id, found))) == 2
     assert slow(0) is slow(0)
-    slow(2)  # one too many: 1 was asked for last
+    slow(2)  # one too many: 1 was used last
     assert slow(0) is slow(0)
     slow(1)
     assert made[2:] == [2, 1]

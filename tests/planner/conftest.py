@@ -16,6 +16,8 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 
+from .urdf import joint_text, link_text, write_robot
+
 
 @pytest.fixture
 def penalties() -> Callable[[Problem, NDArray[np.float64]], NDArray[np.float64]]:
@@ -36,12 +38,7 @@ def penalties() -> Callable[[Problem, NDArray[np.float64]], NDArray[np.float64]]
 @pytest.fixture
 def stick_scene(tmp_path: Path) -> Callable[[Obstacle], Scene]:
     """Give the scene of one obstacle and a robot that nothing can touch: its links have no collision geometry."""
-    urdf = tmp_path / "stick.urdf"
-    urdf.write_text(
-        '<robot name="stick"><link name="base"/><link name="tip"/><joint name="turn" type="revolute">'
-        '<parent link="base"/><child link="tip"/><axis xyz="0 0 1"/>'
-        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
-    )
+    urdf = write_robot(tmp_path / "stick.urdf", *map(link_text, ("base", "tip")), joint_text("turn", "base", "tip"))
 
     def scene(obstacle: Obstacle) -> Scene:
         start, goal = JointTarget("start", (-0.5,)), JointTarget("goal", (0.5,))

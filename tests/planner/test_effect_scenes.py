@@ -104,7 +104,7 @@ def test_a_path_that_constrains_nothing_leaves_the_plan_as_it_is() -> None:
 
 
 def test_tiago_needs_its_group() -> None:
-    """Without it all its joints are to be planned: the goal misses most of them, and what helps is said in a line."""
+    """Without it all its joints are to be planned: the goal misses most of them, and one line names the remedy."""
     scene = load_scene("tiago_shelf")
     whole = replace(scene, robot=replace(scene.robot, group=None))
     with pytest.raises(InputError, match=r"start: no value for .* \d+ more; robot\.group .* robot\.locked"):

@@ -64,7 +64,7 @@ def beside(robot: Robot, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def small_motion(robot: Robot) -> Scene:
     """From a free configuration, every joint a little farther: the least that a robot must be able to do.
 
-    Pairs of links whose meshes overlap nearly everywhere (an iCub's hips) are what `robot.ignore_pairs` is for.
+    Pairs of links whose meshes overlap nearly everywhere (an iCub's hips) belong in `robot.ignore_pairs`.
     """
     spec = RobotSpec(name=robot.name)
     rest = np.clip(np.zeros(robot.n), robot.lower, robot.upper)

@@ -198,7 +198,7 @@ def assert_differences(problem: Problem, q: Array) -> None:
 
 
 def test_a_pose_of_a_link_that_followers_carry_is_reached(tmp_path: Path) -> None:
-    """By every configuration returned; the numbers of followers are not asked for."""
+    """By every configuration returned; the numbers of followers do not matter."""
     scene = scene_of(tmp_path)
     robot = load_robot(scene.robot)
     for link in ("hand", "sled", "bar"):

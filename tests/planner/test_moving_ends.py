@@ -1,5 +1,5 @@
-"""Laws of starts and goals through which the robot moves: what is planned begins as it is asked, keeps its limits and
-is proven; what cannot be braked is refused; and who knows nothing of them says so."""
+"""Laws of starts and goals through which the robot moves: the motion begins as required, keeps its limits and
+is proven; what cannot be braked is refused; and commands without moving ends refuse them."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_at_velocity_zero_the_plan_is_that_from_rest_to_the_byte() -> None:
 
 
 def test_an_end_may_be_at_a_limit_and_the_other_at_a_velocity_of_zero() -> None:
-    """What is given to the last bit of a limit is within it; an end that is said to be at rest needs no braking."""
+    """What is given to the last bit of a limit is within it; an end at rest needs no braking."""
     rest = scene_of("ur5")
     most = Setup.of(rest).limits
     ends = (most["velocity"] * [1, 0, 0, -1, 0, 0], None), (np.zeros(6), most["acceleration"] * [1, 0, 0, 0, -1, 0])

@@ -60,7 +60,7 @@ def motions(name: str, count: int = 4) -> list[Trajectory]:
     return found
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", CHECKED)
 def test_motions_are_certified_as_alone(name: str) -> None:
     """From one certifier that all share, and from one of each thread's own."""

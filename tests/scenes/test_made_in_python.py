@@ -453,7 +453,7 @@ def test_what_does_not_go_together_is_refused_by_name(make: Callable[[], Any], w
 
 
 def test_a_program_that_plans_is_refused_what_a_file_is(tmp_path: Path) -> None:
-    """What one section needs of another: said by the reader, and by plan."""
+    """The needs of one section from another: reported by the reader, and by plan."""
     import hdplan
 
     moving = Obstacle("ball", Sphere(0.1), Pose((9, 9, 9)), motion=SteadyMotion((0.1, 0, 0)))

@@ -53,13 +53,13 @@ def read_collada(data: bytes, upright: bool = False) -> Triangles:
 def _parsed(data: bytes) -> Element:
     """Return the root; its elements lose their namespace."""
     if any(sign in data for sign in (b"\0", b"<!DOCTYPE", b"<!ENTITY")):
-        raise InputError("is no plain XML in UTF-8: document types and other encodings are not read")
+        raise InputError("is not plain XML in UTF-8: document types and other encodings are not read")
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True, insert_pis=True))
     try:
         parser.feed(data)
         root: Element = parser.close()
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise InputError(f"is no well-formed XML, or cut short: {error}") from None
+        raise InputError(f"is not well-formed XML, or is cut short: {error}") from None
     space, _, name = root.tag.rpartition("}")
     if name != "COLLADA" or space[1:] not in VERSIONS:
         raise InputError(f"its root element is '{root.tag[:80]}', not COLLADA in a namespace of COLLADA")
@@ -81,8 +81,8 @@ def _unit(root: Element, upright: bool) -> float:
         raise InputError(f"up_axis is '{axes[0][:20]}' (allowed: one of X_UP, Y_UP, Z_UP)")
     if upright and axes[0] != "Z_UP":
         raise InputError(
-            f"up_axis is '{axes[0]}', and readers disagree whether that turns the mesh: export it with z up, or write "
-            "Z_UP there if its coordinates are meant as they stand"
+            f"up_axis is '{axes[0]}', and readers disagree on whether that turns the mesh: export it with z up, or "
+            "write Z_UP there if its coordinates are to be read unchanged"
         )
     if not found["unit"]:
         return 1.0
@@ -142,7 +142,7 @@ class _Scene:
         value = element.get(attribute, "")
         found = self.by_id[tag, value[1:]] if value[:1] == "#" and value[1:] else []
         if len(found) != 1:
-            many = f"is that of {len(found) or 'no'} <{tag}>" if value[:1] == "#" else "is none of this file"
+            many = f"is that of {len(found) or 'no'} <{tag}>" if value[:1] == "#" else "is not in this file"
             raise InputError(f"{shown(element)}: {attribute} '{value[:60]}' {many}; that of one is needed")
         return found[0]
 
@@ -236,9 +236,11 @@ def _triangles(element: Element, points: Array) -> Rows:
         else:
             sizes = np.full(count if rows else 0, 3)
         if len(rows) > 1 or sum(map(len, rows)) != sizes.sum():
-            raise InputError(f"{shown(element)}: its {count} polygons have not the corners that it says")
+            raise InputError(f"{shown(element)}: its {count} polygons do not have the stated corners")
     if len(sizes) != count or (sizes < 3).any():
-        raise InputError(f"{shown(element)} says {count} polygons and holds {len(sizes)}, each of 3 corners at least")
+        raise InputError(
+            f"{shown(element)} says {count} polygons and holds {len(sizes)}; each needs at least 3 corners"
+        )
     if element.tag in ("tristrips", "trifans"):
         rows = [(strip if element.tag == "tristrips" else fan)(run).ravel() for run in rows]
         sizes = np.full(sum(map(len, rows)) // 3, 3)
@@ -315,5 +317,5 @@ def _whole(element: Element, name: str, otherwise: int | None = None) -> int:
     except ValueError:
         found = -1
     if found < 0:
-        raise InputError(f"{shown(element)}: {name} is '{(value or '')[:20]}'; a whole number from 0 on is needed")
+        raise InputError(f"{shown(element)}: {name} is '{(value or '')[:20]}'; a whole number of at least 0 is needed")
     return found

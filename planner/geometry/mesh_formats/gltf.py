@@ -42,7 +42,7 @@ def _parts(file: GltfFile) -> list[tuple[Array, Triangles]]:
     below = [child for i in range(len(nodes)) for child in _children(file, i)]  # of all nodes, shown or not
     for index, count in Counter(map(str, (*below, *roots))).items():
         if count > 1:
-            raise InputError(f"nodes[{index[:20]}] stands in {count} places; each stands in one")
+            raise InputError(f"nodes[{index[:20]}] appears {count} times; each may appear once")
     found, meshes = list[tuple[Array, Triangles]](), dict[int, list[Triangles]]()
     waiting = [(np.eye(4), index, 1) for index in reversed(roots)]
     while waiting:
@@ -98,7 +98,7 @@ def _primitive(file: GltfFile, value: Any, place: str) -> Triangles | None:
     if rows.max() >= len(points):
         raise InputError(f"{place}: a triangle has vertex {rows.max()} (counted from 0); there are {len(points)}")
     if len(rows) < 3 or (mode == TRIANGLES and len(rows) % 3):
-        raise InputError(f"{place} has {len(rows)} corners, which are no whole triangles")
+        raise InputError(f"{place} has {len(rows)} corners, which are not whole triangles")
     return points, rows.reshape(-1, 3) if mode == TRIANGLES else (strip if mode == STRIP else fan)(rows)
 
 
@@ -107,7 +107,7 @@ def _transform(node: Object, place: str) -> Array:
     if "matrix" in node:
         matrix = numbers(node, "matrix", place, [0.0] * 16).reshape(4, 4).T  # stored by columns
         if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0] or {"translation", "rotation", "scale"} & set(node):
-            raise InputError(f"{place}: its matrix is no affine map, or stands beside other transforms")
+            raise InputError(f"{place}: its matrix is not an affine map, or appears beside other transforms")
         return matrix
     quaternion = numbers(node, "rotation", place, [0.0, 0.0, 0.0, 1.0])
     length = float(np.linalg.norm(quaternion))

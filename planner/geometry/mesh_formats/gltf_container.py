@@ -27,7 +27,7 @@ def text_and_binary(data: bytes) -> tuple[bytes, bytes | None]:
     if data[:4] != b"glTF":
         return data, None
     if len(data) < 20:
-        raise InputError("is cut short: a glb file has 20 bytes at least")
+        raise InputError("is cut short: a glb file has at least 20 bytes")
     _, version, length, first, kind = struct.unpack_from("<5I", data)
     if version != 2 or kind != JSON_CHUNK:
         raise InputError(f"is of glb version {version}, its first chunk of kind {kind:#x}; version 2, JSON, is read")
@@ -39,7 +39,7 @@ def text_and_binary(data: bytes) -> tuple[bytes, bytes | None]:
     if rest:
         size, kind = struct.unpack_from("<2I", rest) if len(rest) >= 8 else (0, 0)
         if kind != BINARY_CHUNK or size % 4 or len(rest) != 8 + size:
-            raise InputError(f"goes on after its text with other things than one binary chunk ({len(rest)} bytes)")
+            raise InputError(f"continues after its text with other content than one binary chunk ({len(rest)} bytes)")
     return data[20 : 20 + first], rest[8:] or None
 
 
@@ -53,7 +53,7 @@ def objects_of(text: bytes) -> Any:
         return dict(pairs)
 
     def refused(word: str) -> float:
-        raise InputError(f"holds {word}, which is no number of JSON")
+        raise InputError(f"holds {word}, which is not a JSON number")
 
     try:
         return json.loads(text.decode("utf-8"), object_pairs_hook=unique, parse_constant=refused)
@@ -91,14 +91,14 @@ def decoded(uri: str) -> bytes:
     try:
         return base64.b64decode(uri[head.end() :], validate=True)
     except (binascii.Error, ValueError) as error:
-        raise InputError(f"uri is no base64: {error}") from None
+        raise InputError(f"uri is not base64: {error}") from None
 
 
 def whole(owner: Object, key: str, place: str, otherwise: int | None = None) -> int:
     """Return a whole number of at least 0."""
     value = owner.get(key, otherwise)
     if type(value) is not int or not 0 <= value < 2**53:
-        raise InputError(f"{place}: {key} is {str(value)[:40]}; a whole number from 0 on is needed")
+        raise InputError(f"{place}: {key} is {str(value)[:40]}; a whole number of at least 0 is needed")
     return value
 
 

@@ -14,7 +14,7 @@ Object = Mapping[str, Any]
 _LOOK = "how it looks"
 _SEEN = "cameras enclose nothing"
 _NAME = "a name, or who made it"
-_OWN = "for one program; by the standard it is no concern of others"
+_OWN = "for one program; by the standard it does not concern others"
 _HINT = "redundant: follows from the rest, or only serves speed"
 _UNUSED = "shows nothing by itself; a node that uses it is refused"
 

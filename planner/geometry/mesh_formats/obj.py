@@ -1,4 +1,4 @@
-"""OBJ: vertices and faces, among much that is for renderers."""
+"""OBJ: vertices and faces, among entries for renderers."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ REFUSED = {
     **dict.fromkeys(("shadow_obj", "trace_obj"), "other files that stand for this one are not read"),
     **dict.fromkeys(("call", "csh"), "other files and commands are not read"),
 }
-CONTINUED = {"v", "vn", "vt", "f", "p", "l"}  # lines of numbers, which go on after a backslash
+CONTINUED = {"v", "vn", "vt", "f", "p", "l"}  # lines of numbers, which continue after a backslash
 
 _FACE = re.compile(r"f(?: [-+]?[0-9]++(?:/[-+]?[0-9]*+){0,2})+")  # of each corner: vertex/texture/normal
 _CONTINUED_LINE = re.compile(r"^(?:[^\n]*\\\n)+[^\n]*", re.MULTILINE)
@@ -31,7 +31,7 @@ _DIVIDED = re.compile(r"[^\s]\\\n[^\s]")
 
 
 def read_obj(data: bytes) -> Triangles:
-    """Read an OBJ file. Raises InputError for whatever is not known in it."""
+    """Read an OBJ file. Raises InputError for anything unknown in it."""
     vertices: list[tuple[float, ...]] = []
     corners, counts, lines = list[int](), list[int](), list[int]()  # of faces
     text = text_of(data)
@@ -54,7 +54,7 @@ def read_obj(data: bytes) -> Triangles:
             case ["v", *coordinates]:
                 vertices.append(_point(coordinates, number))
             case ["f", *_]:
-                raise InputError(f"line {number}: {shown(words)}: a face has 3 vertices at least")
+                raise InputError(f"line {number}: {shown(words)}: a face has at least 3 vertices")
             case [keyword, *_] if keyword not in HARMLESS:
                 reason = REFUSED.get(keyword) or f"'{keyword}' is not known{nearest(keyword, ('v', 'f', *HARMLESS))}"
                 raise InputError(f"line {number}: {shown(words)}: {reason}")
@@ -76,7 +76,7 @@ def _point(words: list[str], line: int) -> tuple[float, ...]:
 
 
 def _joined(found: re.Match[str]) -> str:
-    """Join lines that go on after a backslash; empty lines follow, so that the numbers of lines stay."""
+    """Join lines that continue after a backslash; empty lines follow, so that the numbers of lines stay."""
     line = found[0]
     if line.split()[0] not in CONTINUED or "#" in line[: line.rindex("\\\n")] or _DIVIDED.search(line):
         at = line_at(found.string, found.start())

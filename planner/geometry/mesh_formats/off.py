@@ -15,7 +15,7 @@ _COLORS = (0, 1, 3, 4)  # numbers that may follow a face: none, the row of a map
 
 
 def read_off(data: bytes) -> Triangles:
-    """Read an OFF file. Raises InputError for whatever is not known in it, such as a fourth coordinate (4OFF), other
+    """Read an OFF file. Raises InputError for anything unknown in it, such as a fourth coordinate (4OFF), other
     dimensions (nOFF) and OFF BINARY."""
     lines = list(lines_of_words(text_of(data)))
     if not lines or not (kind := _FIRST.fullmatch(lines[0][1][0])):
@@ -29,7 +29,9 @@ def read_off(data: bytes) -> Triangles:
     if len(rows) < points + faces:
         raise InputError(f"is cut short: it says {points} vertices and {faces} faces, and holds {len(rows)} lines")
     for line, words in rows[points + faces :]:
-        raise InputError(f"line {line}: {shown(words)}: the file goes on after its {points} vertices and {faces} faces")
+        raise InputError(
+            f"line {line}: {shown(words)}: the file continues after its {points} vertices and {faces} faces"
+        )
 
     texture, color, normal = (group is not None for group in kind.groups())
     least = 3 + 3 * normal + 3 * color + 2 * texture
@@ -42,7 +44,7 @@ def read_off(data: bytes) -> Triangles:
     for line, words in rows[points:]:
         count, *_ = wholes(words[:1], line)
         if count < 3:
-            raise InputError(f"line {line}: {shown(words)}: a face has 3 vertices at least")
+            raise InputError(f"line {line}: {shown(words)}: a face has at least 3 vertices")
         if len(words) < 1 + count:
             raise InputError(f"line {line}: says {count} vertices and holds {len(words) - 1}")
         if len(words) - 1 - count not in _COLORS:

@@ -66,7 +66,7 @@ Numbers = Callable[[Sequence[str]], Sequence[float]]  # what reads words
 
 
 def read_ply(data: bytes) -> Triangles:
-    """Read a PLY file. Raises InputError for whatever is not known in it: elements with rows, properties,
+    """Read a PLY file. Raises InputError for anything unknown in it: elements with rows, properties,
     lists, and lines or bytes that are left over."""
     order, elements, begin = _header(data)
     for element in elements:
@@ -78,7 +78,7 @@ def read_ply(data: bytes) -> Triangles:
         double = vertices.astype(np.float64)
     faces, runs = (_lists(held.get(surface)) for surface in _SURFACES)
     if (short := faces[0] < 3).any():
-        raise InputError(f"{_face(int(short.argmax()))}: a face has 3 vertices at least")
+        raise InputError(f"{_face(int(short.argmax()))}: a face has at least 3 vertices")
     of_strips = strips(double, *runs, lambda row: f"tristrips {row} (counted from 0)")
     return double, np.concatenate([fans(double, *faces, _face), of_strips])
 
@@ -97,7 +97,7 @@ def read_ply_points(data: bytes) -> Array:
     if vertex is None:
         raise InputError("holds no element vertex")
     if not {*_AXES} <= {known.name for known in vertex.properties if known.count is None}:
-        raise InputError("element 'vertex': has not the properties x, y and z")
+        raise InputError("element 'vertex': lacks the properties x, y and z")
     held = _of_bytes(data, begin, elements) if order else _of_text(data, begin, elements, _measured)
     return np.column_stack([held["vertex"][axis][1] for axis in _AXES]).astype(np.float64)
 
@@ -123,7 +123,7 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
         text, begin = data[begin:end].decode("ascii", errors="replace"), end + 1
         words = text.split()
         if line == 1 and words != ["ply"]:
-            raise InputError("is no PLY file: its first line is not 'ply'")
+            raise InputError("is not a PLY file: its first line is not 'ply'")
         if text.endswith("\r") != windows:  # else a first byte of the rows could be taken for the end of a line
             raise InputError(f"line {line}: {shown(text)}: does not end as the first line does")
         match words:
@@ -143,13 +143,13 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
             case ["end_header"] if order is not None:
                 return order, elements, begin
             case _:
-                raise InputError(f"line {line}: {shown(text)}: is no line of a PLY header, or not in its place")
+                raise InputError(f"line {line}: {shown(text)}: is not a line of a PLY header, or is misplaced")
     raise AssertionError("a file has an end")
 
 
 def _new(name: str, others: Sequence[str], line: int) -> None:
     if name in others:
-        raise InputError(f"line {line}: '{name}' is there twice")
+        raise InputError(f"line {line}: '{name}' appears twice")
 
 
 def _type(name: str, line: int) -> str:
@@ -177,7 +177,7 @@ def _check(element: _Element) -> None:
     if element.name == "vertex" and len(there) < len(_AXES):
         raise InputError(f"{of}: has no property '{min({*_AXES} - {known.name for known in there})}'")
     if element.name in _SURFACES and (len(there) != 1 or there[0].count is None or there[0].type.kind == "f"):
-        raise InputError(f"{of}: has not one list of whole numbers {' or '.join(_CORNERS)}")
+        raise InputError(f"{of}: does not have exactly one list of whole numbers {' or '.join(_CORNERS)}")
     for known in element.properties:
         if known.name not in (*allowed, *HARMLESS) and not known.name.startswith(MEASURED):
             close = nearest(known.name, (*allowed, *HARMLESS), "remove it if it does not affect the surface")
@@ -192,7 +192,7 @@ def _of_text(
     lines = enumerate(text_of(data).split("\n")[first - 1 :], start=first)
     rows = [(line, words) for line, text in lines if (words := text.split())]
     if (declared := sum(element.rows for element in elements)) != len(rows):
-        short = "is cut short" if len(rows) < declared else "goes on after its end"
+        short = "is cut short" if len(rows) < declared else "continues after its end"
         raise InputError(f"{short}: its header says {declared} rows, and it holds {len(rows)}")
     held, at = dict[str, _Columns](), 0
     for element in elements:
@@ -243,7 +243,7 @@ def _of_bytes(data: bytes, at: int, elements: Sequence[_Element]) -> dict[str, _
     for element in elements:
         held[element.name], at = _alike(data, at, element) or _one_by_one(data, at, element)
     if at != len(data):
-        raise InputError(f"goes on for {len(data) - at} bytes after its last element")
+        raise InputError(f"continues for {len(data) - at} bytes after its last element")
     return held
 
 

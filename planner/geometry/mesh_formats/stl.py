@@ -30,7 +30,7 @@ _NOT_FINITE = re.compile(r"[-+]?(?:nan|inf)(?:inity)?(?:\([a-z0-9]*\))?|[-+]?1\.
 
 
 def read_stl(data: bytes) -> Triangles:
-    """Read an STL file. Raises InputError for whatever is not known in it.
+    """Read an STL file. Raises InputError for anything unknown in it.
 
     It is binary where its length is what its number of triangles says, as in every reader; no text of less than 7 GB
     is that by accident.
@@ -42,7 +42,7 @@ def read_stl(data: bytes) -> Triangles:
     elif data.lstrip()[:5].lower() == b"solid":
         corners = np.array(_solids(text_of(data).lower())).reshape(-1, 3)
     else:
-        raise InputError(f"is no STL file, or damaged: binary, it would have {length} bytes; it has {len(data)}")
+        raise InputError(f"is not an STL file, or is damaged: binary, it would have {length} bytes; it has {len(data)}")
     return corners, np.arange(len(corners)).reshape(-1, 3)
 
 

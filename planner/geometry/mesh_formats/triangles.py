@@ -63,7 +63,7 @@ def strips(vertices: Array, counts: Rows, corners: Rows, place: Callable[[int], 
     lengths = np.diff(starts, append=len(strip_of))
     if (short := lengths < 3).any():
         at = int(short.argmax())
-        raise InputError(f"{place(int(listed[kept][starts[at]]))}: a strip has 3 corners at least, not {lengths[at]}")
+        raise InputError(f"{place(int(listed[kept][starts[at]]))}: a strip has at least 3 corners, not {lengths[at]}")
     found = [strip(each) for each in np.split(corners[kept], starts[1:])] if len(starts) else []
     of_lists = np.repeat(listed[kept][starts], lengths - 2)
     triangles = np.concatenate([np.empty((0, 3), dtype=np.int64), *found])

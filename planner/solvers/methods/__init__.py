@@ -1,1 +1,1 @@
-"""The solvers, one module each: its `SOLVER` says what it is and what it can handle."""
+"""The solvers, one module each: its `SOLVER` describes it."""

@@ -12,7 +12,7 @@ PATIENCE = 1  # a Newton step that gains little has converged
 
 
 def solve(problem: Problem, guess: Array, budget: Budget) -> Solution:
-    """Improve a guess (N, n) until every sample keeps its distance, or no progress is made any more."""
+    """Improve a guess (N, n) until every sample keeps its distance, or progress ends."""
     positions = problem.clip(guess)
     progress = Progress(problem, budget, PATIENCE)
     state = problem.evaluate(positions, progress.weight)

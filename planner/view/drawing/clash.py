@@ -7,8 +7,9 @@ import viser
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.view.drawing.labels import Label
 from hdplan.planner.view.drawing.motion import ShownMotion, Tip, millimetres, shortened
-from hdplan.planner.view.drawing.nodes import LABEL_HEIGHT, LABELS
+from hdplan.planner.view.drawing.nodes import LABEL_HEIGHT
 from hdplan.scenes.array_types import Array
 
 
@@ -17,14 +18,14 @@ class ClashNode:
 
     def __init__(self, server: viser.ViserServer) -> None:
         """Send it."""
-        self.label = server.scene.add_label("/clash", "", visible=False, **LABELS)
+        self.label = Label(server, "/clash")
 
     def show(self, motion: ShownMotion | None, certifier: Certifier) -> None:
         """Name the worst contact of a motion, or the place where it comes too close; hide the label for any other."""
         found = None if motion is None or motion.scene is not certifier.setup.requested else clash_of(motion, certifier)
         self.label.visible = found is not None
         if found is not None:
-            self.label.text, self.label.position = found
+            self.label.text, self.label.place = found
 
 
 def clash_of(motion: ShownMotion, certifier: Certifier) -> tuple[str, Array] | None:

@@ -1,4 +1,4 @@
-"""The ground lies below the robot's base, as low as the lowest part of what stands, so that it crosses nothing."""
+"""The ground lies below the robot's base, as low as the lowest static part, so that it crosses nothing."""
 
 from __future__ import annotations
 

@@ -52,9 +52,9 @@ def mesh_parts(path: Path, stamps: Stamps) -> tuple[Part, ...]:
     where trimesh reads another geometry. Raises InputError for what is no mesh file, or is damaged."""
     data = read_file(path)
     key = content_key(VERSION, path.suffix.lower(), data)
-    known = load("mesh_parts", key)
-    if known is not None and all(_content(path.parent / name) == content for name, content in known["beside"].items()):
-        return tuple(_unpacked(*each) for each in known["parts"])
+    known = load("mesh_parts", key, lambda value: _unpacked(value, path.parent))
+    if known is not None:
+        return known
     parts, named = _read(path, data)
     beside = {name: _content(path.parent / name) for name in named}
     if mesh_stamps([path]) == stamps:  # what was read has this content
@@ -118,7 +118,14 @@ def _packed(part: Part) -> tuple[str, str, Color | None]:
     return base64.b64encode(vertices.tobytes()).decode(), base64.b64encode(triangles.tobytes()).decode(), part.color
 
 
-def _unpacked(vertices: str, triangles: str, color: Sequence[int] | None) -> Part:
+def _unpacked(value: Any, folder: Path) -> tuple[Part, ...] | None:
+    """Return the parts as they were kept; None where a file beside them has changed."""
+    if any(_content(folder / name) != content for name, content in value["beside"].items()):
+        return None
+    return tuple(_part(*each) for each in value["parts"])
+
+
+def _part(vertices: str, triangles: str, color: Sequence[int] | None) -> Part:
     points = np.frombuffer(base64.b64decode(vertices), "<f4").reshape(-1, 3).astype(np.float32)
     corners = np.frombuffer(base64.b64decode(triangles), "<u4").reshape(-1, 3).astype(np.uint32)
     return Part(points, corners, None if color is None else (color[0], color[1], color[2]))

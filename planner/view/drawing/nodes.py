@@ -30,6 +30,7 @@ from hdplan.planner.view.drawing.colors import (
     intensities,
 )
 from hdplan.planner.view.drawing.creases import creased
+from hdplan.planner.view.drawing.labels import Label
 from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import millimetres, shortened
 from hdplan.planner.view.drawing.skins import ENDLESS, Skin, obstacle_mesh, obstacle_parts, smaller
@@ -44,7 +45,6 @@ TIGHT, PULSE = 0.03, 2.0  # [m] below which a segment pulses, and by how many ti
 FADED = 0.3  # opacity of an obstacle between the eye and the robot
 MORE_SOLID = 0.65  # opacity of a ghost that is selected
 LABEL_HEIGHT = 0.05  # [m] by which the label stands above the segment
-LABELS: Any = {"font_screen_scale": 0.9, "anchor": "bottom-center"}  # above what they name, to both sides of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +289,7 @@ class ClosestNodes:
             )
             for name, color in (("obstacle", INK), ("links", LINKS))
         ]
-        self.label = server.scene.add_label("/closest/label", "", visible=False, **LABELS)
+        self.label = Label(server, "/closest/label")
         self.labelled = True
         self._tight = False
 
@@ -301,7 +301,7 @@ class ClosestNodes:
             self.lines[0].thickness = width
 
     def show(self, pairs: Sequence[Closest | None]) -> None:
-        """Draw the closest pair with an obstacle, and between links; the nearer one is labelled."""
+        """Draw the closest pair with an obstacle, and between links; the first that there is has a label."""
         self._tight = pairs[0] is not None and pairs[0].distance < TIGHT
         for line, pair in zip(self.lines, pairs, strict=True):
             line.visible = pair is not None
@@ -314,7 +314,7 @@ class ClosestNodes:
         self.label.visible = nearest is not None and self.labelled
         if nearest is not None:
             self.label.text = shortened(f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}")
-            self.label.position = nearest.points.mean(axis=0) + [0.0, 0.0, LABEL_HEIGHT]
+            self.label.place = nearest.points.mean(axis=0) + [0.0, 0.0, LABEL_HEIGHT]
 
 
 def wxyz_of(rotation: Array) -> tuple[float, float, float, float]:

@@ -222,7 +222,7 @@ def _solid(shape: Any) -> TriangleMesh:
             return TriangleMesh(shape.vertices(), corners_of(shape))
         case coal.Convex():
             return sides_of(shape)
-    raise InputError(f"robot: a geometry is a {type(shape).__name__}, which the viewer does not know")
+    raise InputError(f"robot: the viewer does not support the geometry {type(shape).__name__}")
 
 
 def _swept(body: ConvexBody) -> TriangleMesh:

@@ -1,4 +1,4 @@
-"""The nodes of a scene's obstacles: what stays is moved, what is new is sent."""
+"""The nodes of a scene's obstacles: known ones are moved, new ones are sent."""
 
 from __future__ import annotations
 

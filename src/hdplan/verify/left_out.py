@@ -152,8 +152,10 @@ def _near(points: Any, shape: dict[str, Any], margin: float, links: bool) -> Any
     for some in np.array_split(rows, len(rows) // AT_ONCE + 1):  # most are near a corner
         found[some] = (norm(points[some][:, None] - corners) <= margin).any(axis=1)
     encloses = len(rows) > 0 and (links or _closed(shape["parts"]))
+    least, most = mesh.min(axis=1) - margin, mesh.max(axis=1) + margin
     for i in rows[~found[rows]].tolist():
-        found[i] = _distance(points[i], mesh) <= margin or (encloses and _surrounded(points[i], mesh))
+        close = mesh[((points[i] >= least) & (points[i] <= most)).all(axis=1)]  # no other is within the margin
+        found[i] = _distance(points[i], close) <= margin or (encloses and _surrounded(points[i], mesh))
     return found
 
 
@@ -174,7 +176,7 @@ def _distance(point: Any, mesh: Any) -> float:
     a, ab, ac = mesh[:, 0], mesh[:, 1] - mesh[:, 0], mesh[:, 2] - mesh[:, 0]
     begins, ways = mesh, np.roll(mesh, -1, axis=1) - mesh
     share = ((point - begins) * ways).sum(axis=2) / np.maximum((ways * ways).sum(axis=2), 1e-300)
-    least = norm(point - begins - np.clip(share, 0.0, 1.0)[..., None] * ways).min()
+    least = norm(point - begins - np.clip(share, 0.0, 1.0)[..., None] * ways).min(initial=np.inf)
     normal, p = np.cross(ab, ac), point - a
     area = np.maximum((normal * normal).sum(axis=1), 1e-300)
     v, w = (np.cross(p, ac) * normal).sum(axis=1) / area, (np.cross(ab, p) * normal).sum(axis=1) / area

@@ -21,7 +21,7 @@ from hdplan.scenes.array_types import Array
 SLOTS, PLANES = 12, 48  # one function serves all bodies here: the rest are slots without effect
 LENGTH = 1e-3  # [m] shaping length, the default
 
-# Each relative to the size of the numbers unless a unit is said.
+# Each relative to the size of the numbers unless it has a unit.
 WITNESS = 1e-12  # NumPy against CasADi: rounding of a projection (1e-16 m), times p² where D is above a mm
 NEGLIGIBLE = 1e-15  # [m] of D: what remains near contact, where D ~ u^9 makes relative errors meaningless
 ROUNDING = 1e-12  # of the bodies' size [m]: by which a signed distance that is 0 may be read as positive

@@ -166,6 +166,7 @@ def test_compiled_once_and_found_again(cache: Path, runs: list[int]) -> None:
 
 
 @needs_compiler
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("damage", [b"", b"not a library", None], ids=["empty", "text", "cut short"])
 def test_a_damaged_entry_is_compiled_again(cache: Path, runs: list[int], damage: bytes | None) -> None:
     """Also for functions of the same name but another content, so that no library is loaded already."""

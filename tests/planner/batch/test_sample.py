@@ -1,4 +1,4 @@
-"""Sampled problems are free at their ends, the same again, and hold in every scene that they are made for."""
+"""Sampled problems are free at their ends, equal at every run, and valid in every scene of their set."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ def test_what_is_no_source_is_refused_at_once() -> None:
     refused(["t.csv"], "no rows", scene="planar_arm")
     refused(["no.csv"], "no.csv: no such file", scene="planar_arm")
     refused(["no.parquet"], "no.parquet: no such file", scene="planar_arm")
-    refused(["cut.parquet"], "cut.parquet: is no Parquet table", scene="planar_arm")
+    refused(["cut.parquet"], "cut.parquet: is not a Parquet table", scene="planar_arm")
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_what_is_no_source_is_refused_at_once() -> None:
         ("seed\n1_0\n", ["row 0: seed", "'1_0'"]),
         ("seed;name\n1;a\n", ["line 1: has semicolons"]),
         ("strat.joints.joint1\n1\n", ["'strat.joints.joint1'", "'start'"]),
-        ('seed\n"1\n', ["is no CSV table"]),
+        ('seed\n"1\n', ["is not a CSV table"]),
         ("seed\n\x00\n", ["t.csv"]),
     ],
 )

@@ -145,7 +145,7 @@ def test_plan_many_keeps_the_order_and_leaves_nothing_behind() -> None:
     before = children(os.getpid())  # such as the cluster of other tests
     names = ["planar_arm", "no/such.yaml", ARM]
     found = hdplan.plan_many(itertools.cycle(names), workers=1, time_limit=30)
-    assert children(os.getpid()) == before, "nothing starts before the first is asked for"
+    assert children(os.getpid()) == before, "a worker started before the first task"
     first = [next(found) for _ in range(3)]
     assert [outcome.problem for outcome in first] == ["planar_arm/0", "such/1", "planar_arm/2"]
     assert [outcome.status for outcome in first] == ["certified", "refused", "certified"]

@@ -14,25 +14,23 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
 
+from ..urdf import joint_text, link_text, write_robot
+
 RADIUS = 0.05  # [m] of the ball
 SPAN = 0.5  # [m] that each slider goes to either side
 SIDE = 0.3  # [m] of a crate, inside
 
 
-def sliders(folder: Path, geometry: str = f'<sphere radius="{RADIUS}"/>') -> Path:
-    """Write the URDF of a tool on three sliders."""
+def sliders(folder: Path, **tool: Any) -> Path:
+    """Write the URDF of a tool on three sliders, a ball unless it has another shape."""
     links = ("root", "first", "second", "tool")
-    joints = "".join(
-        f'<joint name="{"xyz"[i]}" type="prismatic"><parent link="{links[i]}"/><child link="{links[i + 1]}"/>'
-        f'<axis xyz="{" ".join(str(int(k == i)) for k in range(3))}"/>'
-        f'<limit lower="{-SPAN}" upper="{SPAN}" velocity="1" effort="1"/></joint>'
-        for i in range(3)
+    joints = (
+        joint_text("xyz"[i], links[i], links[i + 1], axis, kind="prismatic", limits=(-SPAN, SPAN))
+        for i, axis in enumerate(("1 0 0", "0 1 0", "0 0 1"))
     )
-    bare = "".join(f'<link name="{name}"/>' for name in links[:3])
-    tool = f'<link name="tool"><collision><geometry>{geometry}</geometry></collision></link>'
-    file = folder / "sliders.urdf"
-    file.write_text(f'<robot name="sliders">{bare}{tool}{joints}</robot>', encoding="utf-8")
-    return file
+    return write_robot(
+        folder / "sliders.urdf", *map(link_text, links[:3]), link_text("tool", **tool or {"sphere": RADIUS}), *joints
+    )
 
 
 def turned(rng: np.random.Generator) -> Array:

@@ -43,32 +43,24 @@ from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
-BRANCHED = """<robot name="branched">
-  <link name="base"/>
-  <link name="turret"><collision><geometry><box size="0.3 0.2 0.1"/></geometry></collision></link>
-  <link name="mast"><collision><origin xyz="0 0 0.3" rpy="0.3 0 0"/>
-    <geometry><cylinder radius="0.05" length="0.4"/></geometry></collision></link>
-  <link name="left"><collision><origin xyz="0.2 0 0"/>
-    <geometry><box size="0.4 0.06 0.08"/></geometry></collision></link>
-  <link name="right"><collision><origin xyz="0.2 0 0"/><geometry><sphere radius="0.1"/></geometry></collision></link>
-  <joint name="turn" type="revolute"><parent link="base"/><child link="turret"/>
-    <origin xyz="0.1 0 0.2" rpy="0.1 0.2 0"/>
-    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
-  <joint name="lift" type="prismatic"><parent link="turret"/><child link="mast"/>
-    <origin xyz="0 0 0.1" rpy="0.2 0 0.4"/>
-    <axis xyz="0.1 0 1"/><limit lower="-0.5" upper="1" effort="1" velocity="1"/></joint>
-  <joint name="swing" type="continuous"><parent link="mast"/><child link="left"/><origin xyz="0 0.2 0.5" rpy="0 0.5 0"/>
-    <axis xyz="1 1 0"/></joint>
-  <joint name="nod" type="revolute"><parent link="mast"/><child link="right"/><origin xyz="0 -0.2 0.5"/>
-    <axis xyz="0 1 0.2"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
-</robot>"""
+from ..urdf import joint_text, link_text, robot_text, write_robot
+
+BRANCHED = (
+    link_text("base"),
+    link_text("turret", box="0.3 0.2 0.1"),
+    link_text("mast", cylinder=(0.05, 0.4), at="0 0 0.3", rpy="0.3 0 0"),
+    link_text("left", box="0.4 0.06 0.08", at="0.2 0 0"),
+    link_text("right", sphere=0.1, at="0.2 0 0"),
+    joint_text("turn", "base", "turret", at="0.1 0 0.2", rpy="0.1 0.2 0", limits=(-3, 3)),
+    joint_text("lift", "turret", "mast", "0.1 0 1", kind="prismatic", at="0 0 0.1", rpy="0.2 0 0.4", limits=(-0.5, 1)),
+    joint_text("swing", "mast", "left", "1 1 0", kind="continuous", at="0 0.2 0.5", rpy="0 0.5 0"),
+    joint_text("nod", "mast", "right", "0 1 0.2", at="0 -0.2 0.5", limits=(-2, 2)),
+)
 
 
 @pytest.fixture(scope="module")
 def branched_urdf(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("robot") / "branched.urdf"
-    path.write_text(BRANCHED)
-    return path
+    return write_robot(tmp_path_factory.mktemp("robot") / "branched.urdf", *BRANCHED)
 
 
 def scene_of(spec: RobotSpec, start: Array, goal: Array, *obstacles: Obstacle) -> Scene:
@@ -162,12 +154,12 @@ def sampled(robot: Robot, obstacles: tuple[Obstacle, ...], q: Array) -> tuple[di
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(  # sampling the meshes of xarm7, of 5000 triangles each, takes seconds
-    ("name", "count"),
-    [("panda", 3), ("ur5", 3), ("branched", 6), ("xarm7", 1)]
-    + [pytest.param(name, 8, marks=pytest.mark.slow) for name in ("panda", "ur5", "branched", "xarm7")],
+    ("name", "count", "looks"),
+    [("panda", 3, 25), ("ur5", 3, 25), ("branched", 6, 25), ("xarm7", 1, 25)]
+    + [pytest.param(name, 8, 60, marks=pytest.mark.slow) for name in ("panda", "ur5", "branched", "xarm7")],
 )
 def test_dense_sampling_never_refutes_it_and_it_is_tight(
-    name: str, count: int, branched_urdf: Path, tmp_path: Path
+    name: str, count: int, looks: int, branched_urdf: Path, tmp_path: Path
 ) -> None:
     spec = RobotSpec(urdf=branched_urdf) if name == "branched" else RobotSpec(name=name)
     robot = load_robot(spec)
@@ -180,7 +172,7 @@ def test_dense_sampling_never_refutes_it_and_it_is_tight(
         path = Trajectory(robot.joint_names, waypoints)
         failed = {(place.interval, frozenset((place.link, place.other))) for place in found.failures}
         smallest = [np.inf, np.inf]
-        for time in rng.uniform(size=60):
+        for time in rng.uniform(size=looks):
             for group, distances in enumerate(sampled(robot, obstacles, path.at(time))):
                 for pair, distance in distances.items():
                     if (int(time * 3), frozenset(pair)) not in failed:
@@ -253,18 +245,16 @@ def test_long_motions_bounded_in_few_parts_first_have_the_same_verdict(
 
 # --- what must not pass ---------------------------------------------------------------------------
 
-PLANAR = """<robot name="planar"><link name="base"/>
-  <link name="arm"><collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.02 0.02"/></geometry></collision></link>
-  <link name="fore"><collision><origin xyz="0.4 0 0.05"/>
-    <geometry><box size="0.7 0.02 0.02"/></geometry></collision></link>
-  <link name="hand"><collision><origin xyz="0.5 0 -0.05"/>
-    <geometry><box size="0.9 0.02 0.02"/></geometry></collision></link>
-  <joint name="shoulder" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
-  <joint name="elbow" type="revolute"><parent link="arm"/><child link="fore"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>
-    <limit lower="-4" upper="4" effort="1" velocity="1"/></joint>
-  <joint name="wrist" type="revolute"><parent link="fore"/><child link="hand"/><origin xyz="0.8 0 0.05"/>
-    <axis xyz="0 0 1"/><limit lower="-4" upper="4" effort="1" velocity="1"/></joint>
-</robot>"""
+PLANAR = robot_text(
+    link_text("base"),
+    link_text("arm", box="1 0.02 0.02", at="0.5 0 0"),
+    link_text("fore", box="0.7 0.02 0.02", at="0.4 0 0.05"),
+    link_text("hand", box="0.9 0.02 0.02", at="0.5 0 -0.05"),
+    joint_text("shoulder", "base", "arm", kind="continuous"),
+    joint_text("elbow", "arm", "fore", at="1 0 0", limits=(-4, 4)),
+    joint_text("wrist", "fore", "hand", at="0.8 0 0.05", limits=(-4, 4)),
+    name="planar",
+)
 
 
 def test_a_place_looked_at_first_changes_no_verdict(tmp_path: Path) -> None:
@@ -353,12 +343,11 @@ def ball_of(folder: Path, solid: bool) -> Obstacle:
 
 def test_inside_a_mesh_and_inside_its_cavity(planar: RobotSpec, tmp_path: Path) -> None:
     """An arm that turns within a ball never meets its surface: it collides with a solid one, not with a hollow."""
-    short = tmp_path / "short.urdf"
-    short.write_text(
-        '<robot name="short"><link name="base"/><link name="arm"><collision><origin xyz="0.1 0 0"/><geometry>'
-        '<box size="0.3 0.1 0.1"/></geometry></collision></link><joint name="turn" type="continuous">'
-        '<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint></robot>'
+    arm, joint_ = (
+        link_text("arm", box="0.3 0.1 0.1", at="0.1 0 0"),
+        joint_text("turn", "base", "arm", kind="continuous"),
     )
+    short = write_robot(tmp_path / "short.urdf", link_text("base"), arm, joint_)
     turn = np.array([[0.0], [1.0], [2.0]])
     hollow, solid = (ball_of(tmp_path, filled) for filled in (False, True))
     assert certificate(RobotSpec(urdf=short), turn, hollow).certified
@@ -555,7 +544,7 @@ def test_loose_convex_parts_are_exact_and_walls_stay_whole() -> None:
     assert whole.surface is not None
 
 
-# --- what is asked of the trajectory --------------------------------------------------------------
+# --- requirements on the trajectory ---------------------------------------------------------------
 
 
 def test_ends_limits_and_names() -> None:
@@ -630,7 +619,7 @@ ELSEWHERE: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("words", ELSEWHERE)
 def test_a_robot_for_which_less_is_proven_is_not_the_scenes(words: str) -> None:
-    """A proof for it would be none for the scene's; what differs is said."""
+    """A proof for it would be none for the scene's; the message names the difference."""
     scene = load_scene("panda_cage")
     spec = dataclasses.replace(scene.robot, base=Pose((0.0, 0.0, 0.1)), locked=FINGERS)
     scene = dataclasses.replace(scene, robot=spec)

@@ -33,6 +33,8 @@ from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 
+from ..urdf import joint_text, link_text, write_robot
+
 TURNED = Pose((0.1, -0.2, 0.05), (0.1, 0.3, -0.3, 0.9))
 
 
@@ -162,13 +164,12 @@ def test_a_ball_inside_a_hollow_link_is_in_contact(tmp_path: Path) -> None:
     outside = trimesh.creation.icosphere(subdivisions=2, radius=0.2)
     bent = outside.vertices * [1.0, 1.0, 0.4] + np.array([0.0, 0.0, 4.0]) * outside.vertices[:, :1] ** 2
     trimesh.Trimesh(bent, outside.faces).export(tmp_path / "bowl.stl")
-    (tmp_path / "arm.urdf").write_text(
-        '<robot name="arm"><link name="base"/><link name="bowl"><collision><geometry><mesh filename="bowl.stl"/>'
-        '</geometry></collision></link><joint name="turn" type="revolute"><parent link="base"/><child link="bowl"/>'
-        '<axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint></robot>'
+    turn = joint_text("turn", "base", "bowl", limits=(-2, 2))
+    spec = RobotSpec(
+        urdf=write_robot(tmp_path / "arm.urdf", link_text("base"), link_text("bowl", mesh="bowl.stl"), turn)
     )
     start, goal = np.array([-0.1]), np.array([0.1])
-    robot = load_robot(RobotSpec(urdf=tmp_path / "arm.urdf"))
+    robot = load_robot(spec)
     motion = Trajectory(robot.joint_names, np.linspace(start, goal, 5))
     for points, status in (
         ([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], Status.IN_CONTACT),
@@ -176,7 +177,7 @@ def test_a_ball_inside_a_hollow_link_is_in_contact(tmp_path: Path) -> None:
         ([[0.002, 0.0, 0.0], [0.0, 0.0, 0.0]], Status.IN_CONTACT),
     ):
         obstacle = Obstacle("dust", Cloud(points, 0.002))
-        scene = scene_of(RobotSpec(urdf=tmp_path / "arm.urdf"), obstacle, start, goal)
+        scene = scene_of(spec, obstacle, start, goal)
         assert certify(scene, motion, required=0.0).status is status
     assert any(piece.surface for item in robot.collision.geometryObjects for piece in link_pieces(item.geometry, ""))
 
@@ -254,7 +255,7 @@ def _unit(rng: np.random.Generator, count: int) -> Array:
 
 
 def test_groups_of_cells_settle_nothing_that_is_not_settled_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With balls around groups of bodies, and without: the same verdict, and nearly the same bound."""
+    """Balls around groups of bodies change no verdict, and hardly any bound."""
     rng, robot = np.random.default_rng(3), load_robot("panda")
     statuses = set()
     for _ in range(6):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import coal
 import numpy as np
@@ -33,6 +34,8 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Mesh, Shape, Sphere
 from hdplan.scenes.targets import JointTarget
+
+from ..urdf import joint_text, link_text, write_robot
 
 # --- solids, and the judge --------------------------------------------------------------------------
 
@@ -164,15 +167,17 @@ def test_cubes_that_share_an_edge_are_closed() -> None:
 
 # --- in every role ----------------------------------------------------------------------------------
 
-ARM = """<robot name="arm">
- <link name="base"/><link name="arm">{arm}</link><link name="elbow"/><link name="hand">{hand}</link>
- <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
-  <limit lower="-3" upper="3" velocity="2" effort="1"/></joint>
- <joint name="lift" type="revolute"><parent link="arm"/><child link="elbow"/><axis xyz="0 1 0"/>
-  <limit lower="-3" upper="3" velocity="2" effort="1"/></joint>
- <joint name="nod" type="revolute"><parent link="elbow"/><child link="hand"/><axis xyz="1 0 0"/>
-  <limit lower="-3" upper="3" velocity="2" effort="1"/></joint>
-</robot>"""
+
+def write_arm(file: Path, arm: str = link_text("arm"), hand: str = link_text("hand")) -> Path:
+    """Write an arm of three joints in one point, with these two links."""
+    reach: dict[str, Any] = {"limits": (-3, 3), "velocity": 2}
+    joints = (
+        joint_text("turn", "base", "arm", **reach),
+        joint_text("lift", "arm", "elbow", "0 1 0", **reach),
+        joint_text("nod", "elbow", "hand", "1 0 0", **reach),
+    )
+    return write_robot(file, link_text("base"), arm, link_text("elbow"), hand, *joints)
+
 
 ROLES = (
     "link, obstacle",
@@ -194,14 +199,10 @@ def rotation(axis: int, angle: float) -> Array:
 def scene_with(role: str, outer: Path, radius: float, at: Array, drift: Array, ends: Array, folder: Path) -> Scene:
     """A solid in one role, a ball at `at` (in the solid's frame for ends at rest) in the other."""
     first, second = role.split(", ")
-    mesh, ball = f'<mesh filename="{outer}"/>', f'<sphere radius="{radius}"/>'
-    place = f'<origin xyz="{" ".join(map(str, at))}"/>'
-    solid_link = f"<collision><geometry>{mesh}</geometry></collision>"
-    ball_link = f"<collision>{place}<geometry>{ball}</geometry></collision>"
-    hand = solid_link if first == "link" else ball_link if role == "obstacle, link" else ""
-    arm = ball_link if role in ("link, link", "held, link") else ""
-    urdf = folder / f"{role.replace(', ', '_')}.urdf"
-    urdf.write_text(ARM.format(hand=hand, arm=arm))
+    ball: dict[str, Any] = {"sphere": radius, "at": " ".join(map(str, at))}
+    hand: dict[str, Any] = {"mesh": outer} if first == "link" else ball if role == "obstacle, link" else {}
+    arm = ball if role in ("link, link", "held, link") else {}
+    urdf = write_arm(folder / f"{role.replace(', ', '_')}.urdf", link_text("arm", **arm), link_text("hand", **hand))
     shapes: dict[str, tuple[Shape, Pose]] = {
         first: (Mesh(outer), Pose()),
         second: (Sphere(radius), Pose(tuple(at.tolist()))),
@@ -271,13 +272,13 @@ def test_no_ball_in_the_material_is_free_in_any_role(role: str, tmp_path: Path) 
 def test_an_obstacle_is_distinguished_from_its_twin_in_the_robot(tmp_path: Path) -> None:
     """It has the name, the mesh and, at first, the place of a link; later it is around another link."""
     body = to_file(star(np.random.default_rng(0), 1.0, spikes=0.3).mesh(), tmp_path / "body.stl")
-    (tmp_path / "arm.urdf").write_text(
-        f'''<robot name="arm"><link name="base"><collision><geometry><mesh filename="{body}"/></geometry></collision>
-        </link><link name="hand"><collision><geometry><sphere radius="0.05"/></geometry></collision></link>
-        <joint name="slide" type="prismatic"><parent link="base"/><child link="hand"/><origin xyz="3 0 0"/>
-        <axis xyz="1 0 0"/><limit lower="-1" upper="1" velocity="1" effort="10"/></joint></robot>'''
+    urdf = write_robot(
+        tmp_path / "arm.urdf",
+        link_text("base", mesh=body),
+        link_text("hand", sphere=0.05),
+        joint_text("slide", "base", "hand", "1 0 0", kind="prismatic", at="3 0 0", effort=10),
     )
-    ends, robot = (JointTarget("start", (0.0,)), JointTarget("goal", (0.1,))), RobotSpec(urdf=tmp_path / "arm.urdf")
+    ends, robot = (JointTarget("start", (0.0,)), JointTarget("goal", (0.1,))), RobotSpec(urdf=urdf)
     for name in ("base", "other"):
         mover = Obstacle(name, Mesh(body), motion=SteadyMotion((1.0, 0.0, 0.0)))
         certifier = Certifier(Setup.of(Scene("twins", tmp_path / "s.yaml", robot, (mover,), *ends)))
@@ -321,7 +322,7 @@ def test_a_solid_within_a_solid(outer: str, tmp_path: Path) -> None:
     for name, around, within, free in cases:
         for mesh, file in ((around, "around.stl"), (within, "within.stl")):
             to_file(mesh, tmp_path / file)
-        (tmp_path / "arm.urdf").write_text(ARM.format(hand="", arm=""))
+        write_arm(tmp_path / "arm.urdf")
         files = ("within.stl", "around.stl") if outer == "obstacle" else ("around.stl", "within.stl")
         held, standing = (Mesh(tmp_path / file) for file in files)
         start, goal = JointTarget("start", (0.0, 0.0, 0.0)), JointTarget("goal", (0.3, 0.1, 0.05))
@@ -360,17 +361,13 @@ def test_a_robot_in_a_room_of_one_mesh_is_free(tmp_path: Path) -> None:
 
 
 def test_a_body_that_comes_in_by_the_hole_of_an_open_mesh_is_met_at_the_next_waypoint(tmp_path: Path) -> None:
-    """A bottle without a bottom is entered without touching a triangle: it is asked again wherever the file says."""
+    """A bottle without a bottom is entered without touching a triangle: containment is checked again at every row."""
     bottle = trimesh.creation.icosphere(3, 0.5)
     middle = bottle.triangles_center
     bottle.update_faces(~((middle[:, 0] > 0.0) & (np.hypot(middle[:, 1], middle[:, 2]) < 0.2)))
     bottle.export(tmp_path / "bottle.stl")
-    urdf = tmp_path / "slide.urdf"
-    urdf.write_text(
-        '<robot name="slide"><link name="base"/><link name="tip"><collision><geometry><sphere radius="0.02"/>'
-        '</geometry></collision></link><joint name="along" type="prismatic"><parent link="base"/><child link="tip"/>'
-        '<axis xyz="1 0 0"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>'
-    )
+    slide = joint_text("along", "base", "tip", "1 0 0", kind="prismatic")
+    urdf = write_robot(tmp_path / "slide.urdf", link_text("base"), link_text("tip", sphere=0.02), slide)
     scene: Callable[[float], Scene] = lambda end: Scene(  # noqa: E731
         "bottle",
         tmp_path / "s.yaml",

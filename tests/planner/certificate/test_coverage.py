@@ -15,13 +15,13 @@ import pytest
 
 from hdplan.planner.certificate import certifier, path_bounds, path_check
 from hdplan.planner.certificate.certifier import Certifier, certify
-from hdplan.planner.certificate.collision_proof import Sweep
 from hdplan.planner.certificate.coverage import UncheckedError
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import LimitFinding
 from hdplan.planner.certificate.rate_check import RateCheck
 from hdplan.planner.certificate.solids import link_bodies, obstacle_bodies
+from hdplan.planner.certificate.sweep import Sweep
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached, Payload
@@ -119,7 +119,7 @@ def test_a_scene_with_everything_lacks_nothing(whole: tuple[Scene, Trajectory]) 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_parts_of_it_in_any_combination_lack_nothing(whole: tuple[Scene, Trajectory], seed: int) -> None:
-    """Refused or not, what is asked is what was checked."""
+    """Refused or not, the requirement is the one that was checked."""
     _, moved = whole
     rng = np.random.default_rng(seed)
     fields = {name: value for name, value in EVERYTHING.items() if rng.random() < 0.5}

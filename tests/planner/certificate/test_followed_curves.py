@@ -11,11 +11,12 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import hdplan
 from hdplan.distance.compiled.loops import library
-from hdplan.planner.certificate import followed_curve, tool_rates
+from hdplan.planner.certificate import pose_curve, tool_rates
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.followed_curve import OnCurve, PoseCurve, TurnedAlong
+from hdplan.planner.certificate.followed_curve import OnCurve, TurnedAlong
 from hdplan.planner.certificate.path_bounds import Part
 from hdplan.planner.certificate.path_check import PathCheck
+from hdplan.planner.certificate.pose_curve import PoseCurve
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
@@ -264,7 +265,7 @@ def test_speeds_of_a_tool_are_kept_or_refused() -> None:
 
 
 def test_a_way_beyond_the_radius_between_two_looks_has_its_speed_limited() -> None:
-    """The base slides out of the radius in which it comes, and back, between two of the places that are looked at."""
+    """The base leaves the radius of its goal, and returns, between two of the places that are checked."""
     rows, rates, second = np.zeros((4, 10)), np.zeros((4, 10)), np.zeros((4, 10))
     rows[:, 3:] = READY
     rows[:, 0], rates[1, 0], second[1, 0] = [0.0, 0.0375, 0.0, 0.2], 2.54, -150.0
@@ -326,7 +327,7 @@ def test_places_in_c_are_those_in_numpy(axis: str, monkeypatch: pytest.MonkeyPat
                 given = rotations, near, begins, len(kept) - 1.0
                 found.append(curve.places(*given))
                 with monkeypatch.context() as without:
-                    without.setattr(followed_curve, "library", lambda: None)
+                    without.setattr(pose_curve, "library", lambda: None)
                     np.testing.assert_allclose(found[-1], curve.places(*given), rtol=0, atol=1e-9)
                 assert (np.diff(found[-1]) >= 0.0).all()
                 assert found[-1][0] == begins

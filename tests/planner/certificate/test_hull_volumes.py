@@ -24,7 +24,7 @@ def hull(seed: int) -> TriangleMesh:
 
 
 def two_corners() -> TriangleMesh:
-    """A closed mesh that is not convex: a tetrahedron with one face pushed in."""
+    """A closed mesh that is not convex: a tetrahedron with one dented face."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.15, 0.15, 0.15]], dtype=float)
     return TriangleMesh(points, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 4], [2, 3, 4], [3, 1, 4]]))
 

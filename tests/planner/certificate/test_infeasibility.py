@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,13 +13,19 @@ from scipy import ndimage
 
 import hdplan
 from hdplan.planner.causes import CAUSES, cause_of_refusal
+from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.exact_proximity import mesh_pieces
 from hdplan.planner.certificate.inscribed_balls import inscribed_ball
 from hdplan.planner.certificate.seals import Barrier
 from hdplan.planner.geometry.meshes import load_mesh
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.search.infeasible import InfeasibilityCheck
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 from tests.planner.certificate.rooms import RADIUS, SPAN, crated, proven, sliders
+
+from ..urdf import joint_text, link_text, write_robot
 
 AXIS = np.linspace(-SPAN, SPAN, 51)
 GRID_STEP = float(AXIS[1] - AXIS[0])
@@ -37,7 +45,7 @@ def swapped(scene: Scene) -> Scene:
     )
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("seed", range(16))
 def test_a_window_lets_a_ball_through_or_does_not(urdf: Path, seed: int) -> None:
     widths = ((0.0, 2.4), (1.9, 2.01))[seed % 2]
@@ -56,6 +64,34 @@ def test_a_plan_ends_with_the_proof(urdf: Path) -> None:
     assert hdplan.plan(crated(urdf, 0, 2.4 * RADIUS)).certified
 
 
+def test_a_look_ends_between_its_parts_where_the_search_is_over(urdf: Path) -> None:
+    """And goes on there when there is time again: the proof is the same."""
+    scene, ended = crated(urdf, 0, 1.9 * RADIUS), [False, True, True]
+    search: Any = Ending(Certifier(Setup.of(scene)), lambda: ended.pop(0) if ended else False)
+    assert isinstance(scene.goal, JointTarget)
+    check = InfeasibilityCheck([search], [scene.goal])
+    check._began -= 60.0  # of guesses
+    check.refuse()
+    assert not ended
+    with pytest.raises(hdplan.UnsolvableError, match="no motion exists: a ball 100 mm"):
+        check.refuse()
+
+
+@dataclasses.dataclass
+class Ending:
+    """A search without a motion or time, which ends on request."""
+
+    certifier: Certifier
+    ends: Callable[[], bool]
+    required = 0.0
+    best = None
+    deadline = -np.inf
+
+    @property
+    def over(self) -> bool:
+        return self.ends()
+
+
 def test_what_must_be_kept_counts(urdf: Path) -> None:
     scene = crated(urdf, 1, 2.1 * RADIUS)
     assert not proven(scene, 0.002)
@@ -72,7 +108,7 @@ def test_what_moves_shuts_nothing_off(urdf: Path) -> None:
 
 
 def test_a_ball_that_is_held_does_not_fit(urdf: Path, tmp_path: Path) -> None:
-    slim = sliders(tmp_path, '<cylinder radius="0.01" length="0.4"/>')
+    slim = sliders(tmp_path, cylinder=(0.01, 0.4))
     scene = crated(slim, 0, 2.4 * RADIUS)
     held = hdplan.Attached("melon", "tool", hdplan.Sphere(1.3 * RADIUS))
     assert not proven(scene)
@@ -235,15 +271,15 @@ def test_few_points_seal_nothing() -> None:
 
 def test_a_ball_that_stays_in_place_proves_nothing(tmp_path: Path) -> None:
     """A hub that turns about its own axis, close to a box that its arm can go around."""
-    (tmp_path / "crane.urdf").write_text(
-        '<robot name="crane"><link name="root"/><link name="hub"><collision><geometry>'
-        '<cylinder radius="0.05" length="0.2"/></geometry></collision></link><link name="arm"><collision>'
-        '<origin xyz="0.3 0 0.2"/><geometry><box size="0.6 0.06 0.06"/></geometry></collision></link>'
-        '<joint name="turn" type="continuous"><parent link="root"/><child link="hub"/><axis xyz="0 0 1"/></joint>'
-        '<joint name="tilt" type="revolute"><parent link="hub"/><child link="arm"/><axis xyz="0 1 0"/>'
-        '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>',
-        encoding="utf-8",
+    urdf = write_robot(
+        tmp_path / "crane.urdf",
+        link_text("root"),
+        link_text("hub", cylinder=(0.05, 0.2)),
+        link_text("arm", box="0.6 0.06 0.06", at="0.3 0 0.2"),
+        joint_text("turn", "root", "hub", kind="continuous"),
+        joint_text("tilt", "hub", "arm", "0 1 0"),
     )
     box = hdplan.Obstacle("box", hdplan.Box([0.05, 0.05, 0.05]), hdplan.Pose([0.1, 0.0, 0.0]))
-    robot = hdplan.RobotSpec(urdf=str(tmp_path / "crane.urdf"))
-    assert not proven(Scene(name="crane", robot=robot, obstacles=(box,), start=[1.5, 0.0], goal=[-1.5, 0.0]))
+    assert not proven(
+        Scene(name="crane", robot=hdplan.RobotSpec(urdf=urdf), obstacles=(box,), start=[1.5, 0.0], goal=[-1.5, 0.0])
+    )

@@ -44,7 +44,7 @@ def test_the_closest_points_are_as_far_apart_as_their_bodies(name: str) -> None:
     scene = load_scene(name)
     robot = load_scene_robot(scene)
     certifier = Certifier(Setup.of(scene, robot))
-    for q in robot.draw(np.random.default_rng(4), 8):
+    for q in robot.draw(np.random.default_rng(4), 4):
         for place, closest in zip(certifier.nearest(q), certifier.closest(q), strict=True):
             assert (place is None) == (closest is None)
             if place is None or closest is None:

@@ -38,6 +38,8 @@ from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 
+from ..urdf import joint_text, link_text, write_robot
+
 SAME = 2e-6  # [m] as exact as coal's directions are
 
 
@@ -303,23 +305,22 @@ def test_groups_contain_their_nodes_and_every_part_is_in_one(
     np.testing.assert_allclose(np.sort(own, axis=1), np.sort(reach[:, :count], axis=1), rtol=0, atol=1e-12)
 
 
-ARM = """<robot name="arm"><link name="base"/><link name="elbow"/>
- <link name="hand"><collision><geometry><mesh filename="L.stl"/></geometry></collision></link>
- <joint name="turn" type="revolute"><parent link="base"/><child link="elbow"/><axis xyz="0 0 1"/>
-  <limit lower="-3" upper="3" velocity="2" effort="1"/></joint>
- <joint name="lift" type="revolute"><parent link="elbow"/><child link="hand"/><axis xyz="0 1 0"/>
-  <limit lower="-3" upper="3" velocity="2" effort="1"/></joint></robot>"""
+ARM = (
+    *map(link_text, ("base", "elbow")),
+    link_text("hand", mesh="L.stl"),
+    joint_text("turn", "base", "elbow", limits=(-3, 3), velocity=2),
+    joint_text("lift", "elbow", "hand", "0 1 0", limits=(-3, 3), velocity=2),
+)
 
 
 def test_a_hanging_arm_with_a_hollow_hand_and_object_beside_a_moving_ring(tmp_path: Path) -> None:
     """Certified where no two triangles ever meet, with nearly the least distance of any two."""
     rng = np.random.default_rng(9)
-    (tmp_path / "arm.urdf").write_text(ARM)
     shapes = {name: mesh for name, mesh in meshes(rng).items() if name in ("L", "U", "torus")}
     for name, mesh in shapes.items():
         mesh.export(tmp_path / f"{name}.stl")
     upside_down, grip = Pose((0.1, 0.0, 0.5), (1.0, 0.0, 0.0, 0.0)), Pose((0.0, -0.1, 0.15))
-    spec = RobotSpec(urdf=tmp_path / "arm.urdf", base=upside_down)
+    spec = RobotSpec(urdf=write_robot(tmp_path / "arm.urdf", *ARM), base=upside_down)
     held, times = Attached("fork", "hand", Mesh(tmp_path / "U.stl"), grip), np.linspace(0.0, 2.0, 9)
     statuses = list[Status]()
     for z in (-0.4, 0.1, 0.2):

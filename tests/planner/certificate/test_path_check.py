@@ -28,25 +28,21 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
+from ..urdf import joint_text, link_text, write_robot
+
 LOOKS = 2000
-CRANE = """<robot name="crane">
-  <link name="base"/><link name="mast"/><link name="boom"/><link name="trolley"/><link name="hook"/>
-  <joint name="slew" type="continuous"><parent link="base"/><child link="mast"/>
-    <origin xyz="0.1 0 0.2" rpy="0.1 0.2 0"/><axis xyz="0 0 1"/></joint>
-  <joint name="luff" type="revolute"><parent link="mast"/><child link="boom"/><origin xyz="0 0.1 0.5"/>
-    <axis xyz="0 1 0.2"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
-  <joint name="run" type="prismatic"><parent link="boom"/><child link="trolley"/><origin xyz="0 0 0.1" rpy="0.2 0 0.4"/>
-    <axis xyz="1 0 0.1"/><limit lower="-0.5" upper="1" effort="1" velocity="1"/></joint>
-  <joint name="swing" type="revolute"><parent link="trolley"/><child link="hook"/><origin xyz="0 0 -0.3" rpy="0 0.5 0"/>
-    <axis xyz="1 1 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
-</robot>"""
-PLANAR = """<robot name="planar">
-  <link name="base"/><link name="upper"/><link name="fore"/>
-  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
-    <axis xyz="0 1 0"/><limit lower="-9" upper="9" effort="1" velocity="1"/></joint>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0 0 0.5"/>
-    <axis xyz="0 1 0"/><limit lower="-9" upper="9" effort="1" velocity="1"/></joint>
-</robot>"""
+CRANE = (
+    *map(link_text, ("base", "mast", "boom", "trolley", "hook")),
+    joint_text("slew", "base", "mast", kind="continuous", at="0.1 0 0.2", rpy="0.1 0.2 0"),
+    joint_text("luff", "mast", "boom", "0 1 0.2", at="0 0.1 0.5", limits=(-2, 2)),
+    joint_text("run", "boom", "trolley", "1 0 0.1", kind="prismatic", at="0 0 0.1", rpy="0.2 0 0.4", limits=(-0.5, 1)),
+    joint_text("swing", "trolley", "hook", "1 1 0", at="0 0 -0.3", rpy="0 0.5 0", limits=(-2, 2)),
+)
+PLANAR = (
+    *map(link_text, ("base", "upper", "fore")),
+    joint_text("shoulder", "base", "upper", "0 1 0", limits=(-9, 9)),
+    joint_text("elbow", "upper", "fore", "0 1 0", at="0 0 0.5", limits=(-9, 9)),
+)
 UPSIDE_DOWN = Pose((0.1, -0.2, 1.5), (1.0, 0.0, 0.0, 0.0))
 TILTED = Pose((0.0, 0.3, 0.2), (0.3, -0.2, 0.1, math.sqrt(0.86)))
 ROBOTS = {"panda": "panda_hand", "ur5": "tool0", "crane": "hook"}
@@ -54,8 +50,8 @@ ROBOTS = {"panda": "panda_hand", "ur5": "tool0", "crane": "hook"}
 
 def spec_of(name: str, folder: Path, base: Pose) -> RobotSpec:
     if name in ("crane", "planar"):
-        (folder / f"{name}.urdf").write_text(CRANE if name == "crane" else PLANAR)
-        return RobotSpec(urdf=folder / f"{name}.urdf", base=base)
+        urdf = write_robot(folder / f"{name}.urdf", *(CRANE if name == "crane" else PLANAR))
+        return RobotSpec(urdf=urdf, base=base)
     return RobotSpec(name=name, base=base)
 
 

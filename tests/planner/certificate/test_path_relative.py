@@ -7,6 +7,7 @@ import dataclasses
 import itertools
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -26,39 +27,35 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 
+from ..urdf import joint_text, link_text, write_robot
 from .test_path_check import is_broken, proof_of
 
 LOOKS = 1500
 FIELDS = ("path.relative.position_tolerance", "path.relative.orientation_tolerance")
 
 
-def _joint(name: str, parent: str, child: str, kind: str, axis: str, origin: str) -> str:
-    limit = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin {origin}/><axis xyz="{axis}"/>{limit}</joint>'
-    )
+def _joint(name: str, parent: str, child: str, axis: str, at: str, **more: Any) -> str:
+    return joint_text(name, parent, child, axis, at=at, limits=(-2, 2), **more)
 
 
 def _arm(side: str, way: int) -> str:
-    return (
-        f'<link name="{side}1"/><link name="{side}2"/><link name="{side}3"/><link name="{side}4"/><link name="{side}"/>'
-        + _joint(f"{side}_yaw", "trunk", f"{side}1", "revolute", "0 0 1", f'xyz="0 {0.3 * way} 0.4" rpy="0.1 0 0"')
-        + _joint(f"{side}_lift", f"{side}1", f"{side}2", "revolute", "0 1 0.1", 'xyz="0.1 0 0.1"')
-        + _joint(f"{side}_slide", f"{side}2", f"{side}3", "prismatic", "1 0 0.2", 'xyz="0.3 0 0" rpy="0 0.2 0"')
-        + _joint(f"{side}_roll", f"{side}3", f"{side}4", "continuous", "1 0.3 0", 'xyz="0.2 0 0"')
-        + f'<joint name="{side}_tool" type="fixed"><parent link="{side}4"/><child link="{side}"/>'
-        f'<origin xyz="0.1 0 0.05" rpy="0.3 0 1"/></joint>'
-    )
+    one, two, three, four = (f"{side}{k}" for k in (1, 2, 3, 4))
+    return "".join((
+        *map(link_text, (one, two, three, four, side)),
+        _joint(f"{side}_yaw", "trunk", one, "0 0 1", f"0 {0.3 * way} 0.4", rpy="0.1 0 0"),
+        _joint(f"{side}_lift", one, two, "0 1 0.1", "0.1 0 0.1"),
+        _joint(f"{side}_slide", two, three, "1 0 0.2", "0.3 0 0", rpy="0 0.2 0", kind="prismatic"),
+        _joint(f"{side}_roll", three, four, "1 0.3 0", "0.2 0 0", kind="continuous"),
+        joint_text(f"{side}_tool", four, side, at="0.1 0 0.05", rpy="0.3 0 1", kind="fixed"),
+    ))  # fmt: skip
 
 
 TWO_ARMS = (
-    '<robot name="two_arms"><link name="base"/><link name="mast"/><link name="trunk"/>'
-    + _joint("turn", "base", "mast", "revolute", "0 0.2 1", 'xyz="0.1 0 0.2"')
-    + _joint("rise", "mast", "trunk", "prismatic", "0 0 1", 'xyz="0 0 0.1"')
-    + _arm("left", 1)
-    + _arm("right", -1)
-    + "</robot>"
+    *map(link_text, ("base", "mast", "trunk")),
+    _joint("turn", "base", "mast", "0 0.2 1", "0.1 0 0.2"),
+    _joint("rise", "mast", "trunk", "0 0 1", "0 0 0.1", kind="prismatic"),
+    _arm("left", 1),
+    _arm("right", -1),
 )
 LINKS = {"two_arms": ("right", "left"), "panda": ("panda_hand", "panda_link3"), "ur5": ("tool0", "base_link")}
 TURNED = Pose((0.3, -0.2, 0.4), (0.3, -0.2, 0.1, math.sqrt(0.86)))
@@ -67,8 +64,7 @@ TURNED = Pose((0.3, -0.2, 0.4), (0.3, -0.2, 0.1, math.sqrt(0.86)))
 def spec_of(name: str, folder: Path, base: Pose = Pose()) -> RobotSpec:
     if name in LINKS and name != "two_arms":
         return RobotSpec(name=name, base=base)
-    (folder / "two_arms.urdf").write_text(TWO_ARMS)
-    return RobotSpec(urdf=folder / "two_arms.urdf", base=base)
+    return RobotSpec(urdf=write_robot(folder / "two_arms.urdf", *TWO_ARMS), base=base)
 
 
 def scene_of(spec: RobotSpec, constraint: Relative, start: Array) -> Scene:

@@ -30,7 +30,7 @@ def test_a_motion_is_beyond_where_a_dense_look_finds_it_beyond(held: int) -> Non
     """Judged by SciPy's polynomials; limits lie closely around what the motion does, or cut off its peak a little."""
     robot, rng = load_robot(RobotSpec(name="panda")), np.random.default_rng(held)
     verdicts = {True: 0, False: 0}
-    for trial in range(120):
+    for trial in range(40):
         times = np.cumsum(rng.uniform(0.1, 2.0, 4))
         values = rng.normal(size=(3, 4, 7))
         curve = Curve.through(values[0], times, *values[1:held])
@@ -51,7 +51,7 @@ def test_a_motion_is_beyond_where_a_dense_look_finds_it_beyond(held: int) -> Non
         slow = Curve.through(values[0], times * stretch, *(values[i] / stretch**i for i in range(1, held)))
         assert (beyond_limits(slow, replace(robot, lower=lower, upper=upper)) is None) is fits
         verdicts[fits] += 1
-    assert min(verdicts.values()) > 50
+    assert min(verdicts.values()) > 15
 
 
 def test_a_curve_that_ends_on_its_limit_or_touches_it_is_within() -> None:

@@ -1,4 +1,4 @@
-"""Limits of rates: what grows by steps too small to be told from rounding is counted in the sum."""
+"""Limits of rates: growth in steps as small as rounding counts in the sum."""
 
 from __future__ import annotations
 

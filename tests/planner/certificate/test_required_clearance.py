@@ -1,4 +1,4 @@
-"""What must be kept free is the scene's word, by whatever door the certificate is asked: plan, check, plot, view."""
+"""The scene alone sets the required clearance, for every command that certifies: plan, check, plot, view."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def bent(motion: Trajectory, rng: np.random.Generator) -> Trajectory:
 @pytest.mark.parametrize("name", ["panda_corridor", "ur5_table", "planar_arm"])
 def test_what_is_certified_keeps_the_required_clearance_and_what_is_not_does_not(name: str) -> None:
     """Against exact distances at samples: certified with at least what must be kept, and too close only where less is
-    kept; less than the scene's is asked for only with a word, and never less than the share of its closest end."""
+    kept; less than the scene's is required only with a note, and never less than the share of its closest end."""
     scene, rng = load_scene(name), np.random.default_rng(13)
     robot = load_scene_robot(scene)
     query, seen = Setup.of(scene, robot).query, set()

@@ -30,24 +30,26 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Shape, Sphere
 from hdplan.scenes.targets import JointTarget
 
+from ..urdf import joint_text, link_text, write_robot
+
 Long = NDArray[np.longdouble]
 
+UNIT_MASS = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 # a turntable that turns without end, and a slide that reaches far
-SLIDE = """<robot name="slide">
- <link name="base"><collision><geometry><sphere radius="0.05"/></geometry></collision></link>
- <link name="table"/>
- <link name="tip"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-  <collision><origin xyz="0.3 0 0"/><geometry><sphere radius="0.05"/></geometry></collision></link>
- <joint name="turn" type="continuous"><parent link="base"/><child link="table"/><origin xyz="0.1 0.2 0.3"/>
-  <axis xyz="0 0 1"/><limit velocity="1e6" effort="1e6"/></joint>
- <joint name="slide" type="prismatic"><parent link="table"/><child link="tip"/><origin xyz="0 0.1 0" rpy="0.3 0 0"/>
-  <axis xyz="0 0 1"/><limit lower="-1e6" upper="1e6" velocity="1e6" effort="1e6"/></joint>
-</robot>"""
+SLIDE = (
+    link_text("base", sphere=0.05),
+    link_text("table"),
+    link_text("tip", sphere=0.05, at="0.3 0 0", inertial=UNIT_MASS),
+    joint_text("turn", "base", "table", kind="continuous", at="0.1 0.2 0.3"),
+    joint_text(
+        "slide", "table", "tip", kind="prismatic", at="0 0.1 0", rpy="0.3 0 0", limits=(-1e6, 1e6), velocity=1e6
+    ),
+)
 
 
 @pytest.fixture
 def slide(tmp_path: Path) -> Scene:
-    (tmp_path / "slide.urdf").write_text(SLIDE)
+    write_robot(tmp_path / "slide.urdf", *SLIDE)
     ends = (JointTarget(f, (0.0, 0.0)) for f in ("start", "goal"))
     return Scene("slide", tmp_path / "s.yaml", RobotSpec(urdf=tmp_path / "slide.urdf"), (), *ends)
 
@@ -132,7 +134,7 @@ def test_moving_obstacles_are_placed_to_what_is_taken_off() -> None:
 
 
 def test_the_bounds_are_where_they_are_stated(slide: Scene) -> None:
-    """Just within them a motion is looked at; just beyond, the error names the field, the value and what is allowed."""
+    """Just within them a motion is checked; just beyond, the error names the field, the value and what is allowed."""
     far = SHARE / UNIT / PLACING
     still = Trajectory(("turn", "slide"), np.zeros((2, 2)))
     for share, kept in ((0.99, True), (1.01, False)):

@@ -1,5 +1,5 @@
 """Laws of what is unknown: no world within a scene's sizes is closer than what is proven; no size is no change; larger
-sizes prove no more; and what is unknown is told in millimetres."""
+sizes prove no more; and messages give what is unknown in millimetres."""
 
 from __future__ import annotations
 
@@ -110,8 +110,8 @@ def test_places_at_an_instant_are_those_of_an_interval_without_length(robot: str
 
 @pytest.mark.parametrize("robot", HOMES)
 def test_what_is_not_measured_is_proven_all_the_same(robot: str) -> None:
-    """Whether a motion keeps what is required does not depend on whether its clearance is measured; and what is then
-    said of it is no more than what it has, and no less than required."""
+    """Whether a motion keeps the required clearance does not depend on whether its clearance is measured; the measured
+    value is no more than the true one, and no less than required."""
     home, more = HOMES[robot]
     kept = refused = 0
     for seed in range(1, 9):
@@ -138,7 +138,7 @@ def test_what_is_not_measured_is_proven_all_the_same(robot: str) -> None:
 
 
 def test_what_a_shift_costs_is_its_size_and_no_more() -> None:
-    """The bound on what is proven is that of the scene as it is said to be, less the shift."""
+    """The proven bound is that of the scene at its nominal sizes, less the shift."""
     scene = load_scene("panda_cage")
     motion = hdplan.plan(scene).trajectory
     known = hdplan.certify(scene, motion)
@@ -205,7 +205,7 @@ def test_who_may_walk_is_compared_with_what_stands() -> None:
 
 
 def test_a_stretch_that_cannot_be_proven_ends_soon() -> None:
-    """Where the scene as it is said to be is free and not all its worlds are, halving would never end."""
+    """Where the nominal scene is free and not all its worlds are, halving would never end."""
     scene = load_scene("panda_cage")
     motion = hdplan.plan(scene).trajectory
     found = hdplan.certify(sized(scene, tracking=Tracking(0.02)), motion)

@@ -25,22 +25,22 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 
+from ..urdf import joint_text, link_text, write_robot
+
 Floats = NDArray[np.float64]
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes" / "shipped"
 UPRIGHT = Pose((0, 0, 1), (0.7071067811865476, 0, 0, 0.7071067811865476))  # the planar arm in a vertical plane
-SLIDING = (
-    '<robot name="sliding"><link name="l0"/><link name="l1">{body}</link><link name="l2">{body}</link>'
-    '<link name="l3">{body}</link>'
-    '<joint name="turn" type="revolute"><parent link="l0"/><child link="l1"/><axis xyz="0 1 0"/>{limit}</joint>'
-    '<joint name="slide" type="prismatic"><parent link="l1"/><child link="l2"/><origin xyz="0.2 0.1 0"/>'
-    '<axis xyz="0.6 0 0.8"/>{limit}</joint>'
-    '<joint name="twist" type="continuous"><parent link="l2"/><child link="l3"/><origin xyz="0.3 0 0.1"/>'
-    '<axis xyz="0 0 1"/>{limit}</joint></robot>'
-)
 BODY = (
     '<inertial><origin xyz="0.1 -0.05 0.2"/><mass value="2"/>'
     '<inertia ixx="0.3" ixy="0.01" ixz="-0.02" iyy="0.4" iyz="0.03" izz="0.5"/></inertial>'
+)
+SLIDING = (
+    link_text("l0"),
+    *(link_text(f"l{i}", inertial=BODY) for i in (1, 2, 3)),
+    joint_text("turn", "l0", "l1", "0 1 0", limits=(-2, 2)),
+    joint_text("slide", "l1", "l2", "0.6 0 0.8", kind="prismatic", at="0.2 0.1 0", limits=(-2, 2)),
+    joint_text("twist", "l2", "l3", kind="continuous", at="0.3 0 0.1"),
 )
 
 
@@ -48,10 +48,7 @@ def _robot(name: str, folder: Path) -> Robot:
     if name == "planar":
         return load_robot(RobotSpec(urdf=SCENES / "planar_arm.urdf", base=UPRIGHT))
     if name == "sliding":
-        urdf = folder / "sliding.urdf"
-        limit = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
-        urdf.write_text(SLIDING.format(body=BODY, limit=limit))
-        return load_robot(RobotSpec(urdf=urdf))
+        return load_robot(RobotSpec(urdf=write_robot(folder / "sliding.urdf", *SLIDING)))
     return load_robot(RobotSpec(name=name))
 
 
@@ -71,7 +68,7 @@ def _torques(robot: Robot, curve: Curve, interval: NDArray[np.int64], fraction: 
 
 @pytest.mark.parametrize("name", ["panda", "kinova", "planar", "sliding"])
 def test_no_torque_changes_faster_than_its_bound(name: str, tmp_path: Path) -> None:
-    """Second differences are means of τ̈ over the time between."""
+    """Second differences are means of τ̈ over the two intervals."""
     robot, rng = _robot(name, tmp_path), np.random.default_rng(1)
     robot.model.armature = np.linspace(0.1, 0.5, robot.n)
     for seed in range(3):

@@ -27,6 +27,8 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Shape, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
+from ..urdf import joint_text, link_text, write_robot
+
 MARGIN = 0.02  # [m]
 ROUNDING = 1e-9  # [m] by which a body may leave its ball: kinematics to 1e-12, amplified by nothing
 
@@ -229,24 +231,24 @@ def test_tables_say_what_the_pairs_are(panda: Robot) -> None:
 
 
 ARMS = ["planar_arm", "panda_corridor", "ur5_table", "kinova_shelf", "sliding"]
-SLIDING = """<robot name="sliding"><link name="base"/>
-  <link name="cart"><collision><geometry><box size="0.2 0.1 0.1"/></geometry></collision></link>
-  <link name="arm"><collision><origin xyz="0 0 0.3"/><geometry><box size="0.1 0.1 0.6"/></geometry></collision></link>
-  <link name="tool"><collision><origin xyz="0.1 0 0"/><geometry><sphere radius="0.05"/></geometry></collision></link>
-  <joint name="rail" type="prismatic"><parent link="base"/><child link="cart"/><origin xyz="0.3 0 0.1" rpy="0 0.4 0"/>
-    <axis xyz="0 0.6 0.8"/><limit lower="-1.2" upper="0.4" effort="1" velocity="1"/></joint>
-  <joint name="turn" type="continuous"><parent link="cart"/><child link="arm"/><origin xyz="0 0 0.1"/>
-    <axis xyz="1 0 0"/></joint>
-  <joint name="out" type="prismatic"><parent link="arm"/><child link="tool"/><origin xyz="0 0 0.5"/>
-    <axis xyz="0 0 1"/><limit lower="0" upper="0.7" effort="1" velocity="1"/></joint></robot>"""
+SLIDING = (
+    link_text("base"),
+    link_text("cart", box="0.2 0.1 0.1"),
+    link_text("arm", box="0.1 0.1 0.6", at="0 0 0.3"),
+    link_text("tool", sphere=0.05, at="0.1 0 0"),
+    joint_text(
+        "rail", "base", "cart", "0 0.6 0.8", kind="prismatic", at="0.3 0 0.1", rpy="0 0.4 0", limits=(-1.2, 0.4)
+    ),
+    joint_text("turn", "cart", "arm", "1 0 0", kind="continuous", at="0 0 0.1"),
+    joint_text("out", "arm", "tool", kind="prismatic", at="0 0 0.5", limits=(0, 0.7)),
+)
 
 
 @pytest.fixture(scope="module", params=ARMS)
 def arm(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Robot:
     base = Pose((0.4, -0.3, 0.7), (0.0, 0.6, 0.0, 0.8))
     if request.param == "sliding":
-        urdf = tmp_path_factory.mktemp("robot") / "sliding.urdf"
-        urdf.write_text(SLIDING)
+        urdf = write_robot(tmp_path_factory.mktemp("robot") / "sliding.urdf", *SLIDING)
         return load_robot(RobotSpec(urdf=urdf, base=base))
     return load_robot(dataclasses.replace(load_scene(request.param).robot, base=base))
 

@@ -1,5 +1,5 @@
-"""Laws of the exact distance in C: it is the oracle's on random and adversarial bodies, and its wrench is its
-derivative; and of what it is the distance of: the parts lie within the bodies."""
+"""Laws of the exact distance in C: it equals the oracle's on random and adversarial bodies, and its wrench is its
+derivative; and the parts lie within the bodies."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.symbolic.halfspaces import FAR_OFFSET, box_directions
 from hdplan.planner.collision.halfspace_bodies import (
-    FEW,
-    MANY,
+    BODY_PLANES,
+    BOX_PLANES,
     HalfspaceBody,
     from_link_body,
     from_obstacle,
@@ -31,7 +31,11 @@ ROUNDING = 1e-12  # of the sizes here, about 1 m
 TOUCH = 3e-3  # relative to the size: how far from a plane the densest sampled surface may stay
 TETRAHEDRON = tuple(map(tuple, 0.3 * np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])))
 CLOUD = tuple(map(tuple, np.random.default_rng(3).normal(size=(60, 3)).tolist()))
-SLOTS = {"faces": (6, MANY), "box": (FEW, MANY), "sphere": (FEW + 96, MANY + 96)}  # of boxes and links, of the rest
+SLOTS = {
+    "faces": (6, BODY_PLANES),
+    "box": (BOX_PLANES, BODY_PLANES),
+    "sphere": (BOX_PLANES + 96, BODY_PLANES + 96),
+}  # of boxes and links, of the rest
 BALL = tuple(map(tuple, trimesh.creation.icosphere(3, 0.4).vertices.tolist()))  # far more faces than planes
 PRISM = tuple((x, y, z) for x, y in ((0, 0), (1, 0.1), (0.8, 0.7), (0.3, 0.9), (-0.2, 0.5)) for z in (0, 0.3))
 FLAT = ((0.0, 0, 0), (1.0, 0, 0), (1.0, 0.5, 0), (0, 0.4, 0))
@@ -105,7 +109,7 @@ def check(body: HalfspaceBody, points: Array, size: float, touches: bool = True,
     assert len(body.normals) == len(body.supports)
     assert len(body.supports) in SLOTS[normals]
     np.testing.assert_allclose(np.linalg.norm(body.normals, axis=1), 1, atol=ROUNDING)
-    if len(body.supports) >= FEW:
+    if len(body.supports) >= BOX_PLANES:
         np.testing.assert_allclose(body.normals[:26], box_directions() @ body.box[:3, :3].T, atol=ROUNDING)
     else:
         np.testing.assert_allclose(body.normals, [*body.box[:3, :3].T, *-body.box[:3, :3].T], atol=ROUNDING)
@@ -144,7 +148,7 @@ def test_round_shapes_are_themselves_and_no_polygons(name: str) -> None:
     n = body.normals @ placement[:3, :3]
     match shape:
         case Sphere(radius):
-            expected = np.full(MANY, radius)
+            expected = np.full(BODY_PLANES, radius)
         case Ellipsoid(radii):
             expected = np.sqrt((n**2) @ np.square(radii))
         case Capsule(radius, length):
@@ -174,7 +178,7 @@ def test_spare_planes_never_cut_a_body_off() -> None:
         body = from_shape("prism", Points(tuple(map(tuple, points.tolist()))), np.eye(4))
         reached = (body.normals @ points.T).max(axis=1)
         spare = body.supports - reached > FAR_OFFSET / 2
-        assert 0 < spare.sum() < MANY - FEW
+        assert 0 < spare.sum() < BODY_PLANES - BOX_PLANES
         assert np.all(reached <= body.supports + ROUNDING * scale)
 
 
@@ -199,7 +203,7 @@ def test_a_dense_cloud_is_enclosed_in_a_moment(halved: int) -> None:
 )
 def test_link_bodies_are_enclosed_exactly(body: ConvexBody) -> None:
     planes = from_link_body("forearm", 3, body)
-    assert (planes.name, planes.joint, len(planes.supports)) == ("forearm", 3, FEW)
+    assert (planes.name, planes.joint, len(planes.supports)) == ("forearm", 3, BOX_PLANES)
     spheres = np.vstack([directions(4000, 7), planes.normals]) * body.radius
     points = (body.vertices[:, None] + spheres).reshape(-1, 3)
     check(planes, points, 1.0)
@@ -244,7 +248,7 @@ def test_a_convex_mesh_is_one_piece_without_words(tmp_path: Path) -> None:
 
 def test_a_mesh_is_no_shape_to_enclose_whole() -> None:
     shape = Mesh(Path("mesh.stl"))
-    with pytest.raises(TypeError, match="nothing is known of the shape Mesh"):
+    with pytest.raises(TypeError, match="unknown shape Mesh"):
         from_shape("mesh", shape, np.eye(4))
     read = ReadMesh(shape.file, mesh=TriangleMesh.hull(np.eye(4, 3)))
     with pytest.raises(TypeError, match="convex pieces"):

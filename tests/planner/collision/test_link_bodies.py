@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import coal
 import numpy as np
@@ -29,6 +30,8 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.progress import listening
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.yaml_format.reader import load_scene
+
+from ..urdf import joint_text, link_text, write_robot
 
 QUICK = ("panda", "kinova", "panda_collision")  # the others, as long each, are left to the slow run
 MEAN, P95 = 0.010, 0.020  # how far Panda's bodies may stand out of its links' hulls [m]
@@ -127,7 +130,7 @@ def test_pandas_bodies_are_few_and_stand_out_little(panda: Robot) -> None:
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_links_of_well_known_arms_come_fitted(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "load", None)  # neither the cache nor a fit is asked
+    monkeypatch.setattr(module, "load", None)  # neither the cache nor a fit is used
     monkeypatch.setattr(module, "_around", None)
     assert link_bodies(load_robot(RobotSpec(name=name)))
 
@@ -144,7 +147,7 @@ def test_what_is_found_about_an_arm_is_shipped(name: str, tmp_path: Path, monkey
     shipped = make(arm, "fitted", "box")
     assert computed == []
     for room in (collision_model, separation_bounds):
-        monkeypatch.setattr(room, "known_result", lambda kind, key: None)
+        monkeypatch.setattr(room, "known_result", lambda kind, key, read: None)
     now = make(arm, "fitted", "box")
     assert (shipped.self_pairs, shipped.unresolved) == (now.self_pairs, now.unresolved)
     np.testing.assert_allclose(shipped.distances_kept, now.distances_kept, rtol=0, atol=1e-6)
@@ -174,27 +177,21 @@ def test_bodies_move_with_locked_joints(panda: Robot) -> None:
     np.testing.assert_allclose(moved["panda_link0"], closed["panda_link0"] + [1.0, 2.0, 3.0], atol=1e-7)
 
 
-def _arm(folder: Path, name: str, upper: str, fore: str) -> Robot:
+def _arm(folder: Path, name: str, upper: dict[str, Any], fore: dict[str, Any]) -> Robot:
     """An arm of two links, each with a geometry."""
-    links = "".join(
-        f'<link name="{link}"><collision><origin xyz="0.2 0 0"/><geometry>{shape}</geometry></collision></link>'
-        for link, shape in (("upper", upper), ("fore", fore))
+    links = link_text("base"), link_text("upper", at="0.2 0 0", **upper), link_text("fore", at="0.2 0 0", **fore)
+    joints = (
+        joint_text("upper_joint", "base", "upper", at="0.5 0 0"),
+        joint_text("fore_joint", "upper", "fore", at="0.5 0 0"),
     )
-    joints = "".join(
-        f'<joint name="{child}_joint" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-        '<origin xyz="0.5 0 0"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-        for parent, child in (("base", "upper"), ("upper", "fore"))
-    )
-    file = folder / f"{name}.urdf"
-    file.write_text(f'<robot name="{name}"><link name="base"/>{links}{joints}</robot>')
-    return load_robot(RobotSpec(urdf=file))
+    return load_robot(RobotSpec(urdf=write_robot(folder / f"{name}.urdf", *links, *joints)))
 
 
 def test_of_a_robot_of_which_one_link_changed_one_link_is_fitted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
-    box, rod, ball = '<box size="0.4 0.1 0.1"/>', '<cylinder radius="0.05" length="0.3"/>', '<sphere radius="0.1"/>'
+    box, rod, ball = {"box": "0.4 0.1 0.1"}, {"cylinder": (0.05, 0.3)}, {"sphere": 0.1}
     notes: list[str] = []
     with listening(notes.append):
         first = link_bodies(_arm(tmp_path, "first", box, rod))
@@ -360,16 +357,16 @@ def test_a_cache_that_is_damaged_or_cannot_be_written_is_no_cache(
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
     key = cache.content_key("a", b"b")
     assert key != cache.content_key("ab", b"")
-    assert cache.load("kind", key) is None
+    assert cache.load("kind", key, lambda value: value) is None
     cache.store("kind", key, [0.1, {"x": None}])
-    assert cache.load("kind", key) == [0.1, {"x": None}]
+    assert cache.load("kind", key, lambda value: value) == [0.1, {"x": None}]
     (file,) = (tmp_path / "cache" / "kind").iterdir()
     file.write_text(file.read_text().replace("0.1", "0.2"))
-    assert cache.load("kind", key) is None
+    assert cache.load("kind", key, lambda value: value) is None
     file.write_bytes(b"\xff\xfe")
-    assert cache.load("kind", key) is None
+    assert cache.load("kind", key, lambda value: value) is None
     monkeypatch.setenv("HDPLAN_CACHE", str(file))  # a file where a folder should be
     with pytest.warns(UserWarning, match=f"the cache {file} cannot be written"):
         cache.store("kind", key, 1)
-    cache.store("kind", key, 1)  # said once
-    assert cache.load("kind", key) is None
+    cache.store("kind", key, 1)  # one warning
+    assert cache.load("kind", key, lambda value: value) is None

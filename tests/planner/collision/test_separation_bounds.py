@@ -36,25 +36,22 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
 
+from ..urdf import joint_text, link_text, write_robot
+
 ROBOTS = ("ur5", "kinova", "two arms", "gantry")
 MORE = ("panda", "ur3_gripper", "ur5_gripper", "ur10", "xarm7", "z1", "panda_carry")
 MANY, SOME = 100_000, 4_000
 EXACT = 1e-6  # [m] of coal's distances
 
-TWO_ARMS = """<robot name="two_arms">
-  <link name="base"><collision><geometry><box size="0.2 0.6 0.2"/></geometry></collision></link>
-  {arms}
-</robot>"""
-ARM = """
-  <link name="{side}_upper"><collision><origin xyz="0.15 0 0"/><geometry><box size="0.3 0.05 0.05"/></geometry>
-    </collision></link>
-  <link name="{side}_lower"><collision><origin xyz="0.1 0 0"/><geometry><box size="0.2 0.04 0.04"/></geometry>
-    </collision></link>
-  <joint name="{side}_a" type="revolute"><parent link="base"/><child link="{side}_upper"/>
-    <origin xyz="0 {y} 0.2"/><axis xyz="0 0 1"/><limit lower="-0.9" upper="0.9" effort="1" velocity="1"/></joint>
-  <joint name="{side}_b" type="{kind}"><parent link="{side}_upper"/><child link="{side}_lower"/>
-    <origin xyz="0.35 0 0"/><axis xyz="{axis}"/><limit lower="{low}" upper="{high}" effort="1" velocity="1"/></joint>
-"""
+
+def arm(side: str, y: float, low: float, high: float, axis: str, kind: str = "revolute") -> tuple[str, ...]:
+    upper, lower = f"{side}_upper", f"{side}_lower"
+    return (
+        link_text(upper, box="0.3 0.05 0.05", at="0.15 0 0"),
+        link_text(lower, box="0.2 0.04 0.04", at="0.1 0 0"),
+        joint_text(f"{side}_a", "base", upper, at=f"0 {y} 0.2", limits=(-0.9, 0.9)),
+        joint_text(f"{side}_b", upper, lower, axis, kind=kind, at="0.35 0 0", limits=(low, high)),
+    )
 
 
 @cache
@@ -63,14 +60,12 @@ def robot(name: str, folder: Path | None = None) -> Robot:
         return load_scene_robot(load_scene(name))
     if folder is None:
         return load_robot(RobotSpec(name=name))
-    urdf = folder / f"{name.replace(' ', '_')}.urdf"
-    second = ("prismatic", "0.6 0 0.8", 0.0, 0.2) if name == "gantry" else ("revolute", "0 0.6 0.8", -0.5, 1.0)
-    arms = [
-        ARM.format(side=side, y=y, kind=second[0], axis=second[1], low=second[2], high=second[3])
-        for side, y in (("left", 0.6), ("right", -0.6))
-    ]
-    urdf.write_text(TWO_ARMS.format(arms="".join(arms)))
-    return load_robot(RobotSpec(urdf=urdf))
+    how = (0.0, 0.2, "0.6 0 0.8", "prismatic") if name == "gantry" else (-0.5, 1.0, "0 0.6 0.8", "revolute")
+    return two_arms(folder / f"{name.replace(' ', '_')}.urdf", arm("left", 0.6, *how), arm("right", -0.6, *how))
+
+
+def two_arms(file: Path, *arms: tuple[str, ...]) -> Robot:
+    return load_robot(RobotSpec(urdf=write_robot(file, link_text("base", box="0.2 0.6 0.2"), *arms[0], *arms[1])))
 
 
 @pytest.fixture(scope="module")
@@ -266,10 +261,8 @@ def test_arms_that_turn_about_other_axes_have_other_entries(tmp_path: Path) -> N
     """Also where the axis is none of x, y, z, which Pinocchio does not write into a joint's name."""
     arms = []
     for number, axis in enumerate(("0 0.6 0.8", "0 0.8 0.6")):
-        urdf = tmp_path / f"{number}.urdf"
-        sides = [ARM.format(side=s, y=y, kind="revolute", axis=axis, low=-1, high=1) for s, y in (("l", 1), ("r", -1))]
-        urdf.write_text(TWO_ARMS.format(arms="".join(sides)))
-        arms.append(load_robot(RobotSpec(urdf=urdf)))
+        sides = (arm(side, y, -1, 1, axis) for side, y in (("l", 1), ("r", -1)))
+        arms.append(two_arms(tmp_path / f"{number}.urdf", *sides))
     one, other = (separation_bounds.content_of(arm, (), ()) for arm in arms)
     assert one != other
 
@@ -288,7 +281,7 @@ def test_all_pairs_together_stay_within_the_budget(way: str, monkeypatch: pytest
     monkeypatch.setattr(separation_bounds._Search, "bound", counted)
     if way == "interpreted":
         monkeypatch.setattr(separation_bounds, "library", lambda: None)
-    monkeypatch.setattr(separation_bounds, "known_result", lambda kind, key: None)
+    monkeypatch.setattr(separation_bounds, "known_result", lambda kind, key, read: None)
     monkeypatch.setattr(separation_bounds, "store", lambda kind, key, value: None)
     given = (
         arm,

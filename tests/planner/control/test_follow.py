@@ -1,4 +1,4 @@
-"""A robot that follows a trajectory: it arrives where nothing is in the way, gives way to what comes, and goes on."""
+"""A robot that follows a trajectory: it arrives where nothing is in the way, gives way to obstacles, and continues."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.control import follow as following
 from hdplan.planner.control.braking import Rates
-from hdplan.planner.control.follow import ARRIVED, Followed, follow, follow_settings
+from hdplan.planner.control.follow import ARRIVED_ERROR, Followed, follow, follow_settings
 from hdplan.planner.control.look_ahead import Mode
-from hdplan.planner.control.pacing import SHARE, paced, slowed, slowness
+from hdplan.planner.control.pacing import SPEED_SHARE, paced, slowed, slowness
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
@@ -68,7 +68,7 @@ def between(scene: Scene, motion: Trajectory) -> Scene:
 
 
 def ball_that_comes(robot: Robot, sweep: Trajectory, velocity: tuple[float, float, float], when: float) -> Obstacle:
-    """A ball that is at the hand's place halfway along the trajectory at a time, and moves on."""
+    """A ball that crosses the hand's place halfway along the trajectory at a given time."""
     q = sweep.positions[len(sweep) // 2]
     hand = kinematics_of(robot).evaluate(q).translations[0, 7]
     start = hand - when * np.array(velocity)
@@ -79,7 +79,7 @@ def test_a_free_robot_arrives_about_on_time(free: Followed, robot: Robot, sweep:
     assert free.succeeded
     assert free.arrived is not None
     assert free.duration - 0.5 <= free.arrived < free.duration + 1.5
-    assert np.abs(free.trajectory.positions[-1] - sweep.positions[-1]).max() <= ARRIVED
+    assert np.abs(free.trajectory.positions[-1] - sweep.positions[-1]).max() <= ARRIVED_ERROR
     assert set(free.run.modes) == {Mode.MOVING}
     assert np.abs(free.run.velocities).max() <= robot.model.velocityLimit.max()
 
@@ -114,7 +114,7 @@ def test_it_yields_and_recovers(
 
 
 def test_a_program_without_a_solution_is_no_reason_to_stand(room: Scene, robot: Robot) -> None:
-    """A ball comes at the elbow faster than its barrier allows for: the step that gives way says to what."""
+    """A ball approaches the elbow faster than its barrier allows: the step that gives way names the ball."""
     start = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
     slow = Trajectory(robot.joint_names, np.stack([start, start + 0.15]), robot.locked, np.array([0.0, 3.0]))
     ball = Obstacle("ball", Sphere(0.08), Pose((-0.282, 0.096, 0.763)), motion=SteadyMotion((0.491, -0.08, -0.054)))
@@ -187,7 +187,7 @@ def test_what_is_executed_follows_the_commands(free: Followed) -> None:
 def test_a_paced_path_keeps_to_the_speeds(sweep: Trajectory, robot: Robot) -> None:
     velocity = np.array(robot.model.velocityLimit)
     rates = Rates.of({"velocity": velocity, "acceleration": 100.0 * velocity}, 0.005, 0.2, np.full(7, 4.0))
-    fastest, curve = SHARE * velocity, paced(sweep.curve, rates)
+    fastest, curve = SPEED_SHARE * velocity, paced(sweep.curve, rates)
     assert curve.times is not None
     times = np.linspace(*curve.times[[0, -1]], 2000)
     speeds = np.abs(np.diff(curve.at_parameter(curve.parameter_of(times)), axis=0)) / np.diff(times)[:, None]
@@ -214,9 +214,9 @@ def test_it_arrives_without_overshoot_within_any_limits(acceleration: float, jer
     assert found.arrived is not None
     assert (found.slowed > 1.5) == timed
     assert found.away < 0.15
-    assert (side * (found.run.positions - rows[-1])).max() < (side * (rows - rows[-1])).max() + ARRIVED
+    assert (side * (found.run.positions - rows[-1])).max() < (side * (rows - rows[-1])).max() + ARRIVED_ERROR
     settling = found.run.positions[found.run.times >= found.arrived]
-    assert np.abs(settling - rows[-1]).max() <= ARRIVED
+    assert np.abs(settling - rows[-1]).max() <= ARRIVED_ERROR
     uses = {use.quantity: use.share for use in found.certificate.uses}
     assert max(uses[name] for name in ("velocity", "acceleration", "jerk")) <= 1.0 + 1e-9
 

@@ -1,4 +1,4 @@
-"""Laws of the horizon: no nearer pair is overlooked, nothing beyond it matters, and clouds are kept clear of."""
+"""Laws of the horizon: no nearer pair is overlooked, nothing beyond it matters, and clouds are avoided."""
 
 from __future__ import annotations
 

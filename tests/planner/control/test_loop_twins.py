@@ -18,7 +18,7 @@ from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.braking import Command, Rates
 from hdplan.planner.control.controller import Controller
 from hdplan.planner.control.lows import Floors, Lows, lows_among, lows_near, lows_of_hulls
-from hdplan.planner.control.moment import NONE
+from hdplan.planner.control.moment import NO_ROWS
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.tasks import standing
 from hdplan.planner.robot.robot import Robot
@@ -161,7 +161,7 @@ def test_joints_that_follow_others(tmp_path: Path) -> None:
     ends = JointTarget("start", (0.0,) * 5), JointTarget("goal", (0.0,) * 5)
     controller = Controller.of(Scene("lifter", tmp_path, RobotSpec(urdf=linkage_urdf(tmp_path)), (box,), *ends))
     at = controller.barriers.at(np.zeros((1, 5)), np.zeros(1))
-    floors = Floors(np.full(controller.barriers.count, 0.5), controller.sight.next, NONE, 0.0)
+    floors = Floors(np.full(controller.barriers.count, 0.5), controller.sight.next, NO_ROWS, 0.0)
     found = lows_near(at, (1.0, 1.0), None, floors)
     with twins():
         same(found, lows_near(at, (1.0, 1.0), None, floors))
@@ -181,7 +181,7 @@ def test_depths_do_not_depend_on_the_samples_before(robot: Robot) -> None:
     for q in robot.draw(rng, 12):
         path = np.vstack([q + rng.normal(size=(3, robot.n)) * 0.01, [q]])
         at = controller.barriers.at(path, np.zeros(len(path)))
-        floors = Floors(np.full(len(every), 1.0), next_one, NONE, 0.0)
+        floors = Floors(np.full(len(every), 1.0), next_one, NO_ROWS, 0.0)
         alone = lows_of_hulls(at, np.array([3]), every, floors)
         floors.values[alone.pair] += alone.over
         after = lows_of_hulls(at, np.arange(4), every, floors._replace(lower=-1e-12))

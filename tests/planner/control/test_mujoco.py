@@ -45,6 +45,7 @@ def planned() -> tuple[hdplan.Scene, Trajectory]:
     return scene, result.trajectory
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda_carry", "ur5_ceiling", "ur5_payload", "xarm7_post", "kinova_shelf"])
 def test_it_has_the_mechanics_of_the_robot(name: str) -> None:
     """Mass matrix, gravity and Coriolis forces, at random configurations and speeds; with loads, from the ceiling."""
@@ -131,7 +132,7 @@ def test_a_model_file_executes_and_is_held_against_the_robot(
     path = _model(tmp_path)
     done = execute_in_mujoco(Setup.of(scene), motion.curve, path)
     assert not done.lost
-    assert np.abs(done.errors).max() > 0.005  # no drive is told how fast it is to be
+    assert np.abs(done.errors).max() > 0.005  # no drive gets a velocity
     hanging = replace(scene, robot=hdplan.RobotSpec("panda", base=[0, 0, 0.1]))
     with pytest.raises(InputError, match=r"panda\.xml: joint: the axis of 'panda_joint2' is 100 mm and 0 rad from"):
         control.MuJoCoArm.of(hanging, model=path)
@@ -142,7 +143,7 @@ def test_a_model_file_executes_and_is_held_against_the_robot(
     with pytest.raises(InputError, match="actuator: joint 'panda_joint3' needs one position actuator"):
         control.MuJoCoArm.of(scene, model=path)
     path.write_text(whole[:300])
-    with pytest.raises(InputError, match="is no model that MuJoCo reads") as caught:
+    with pytest.raises(InputError, match="is not a model that MuJoCo can read") as caught:
         control.MuJoCoArm.of(scene, model=path)
     assert "\n" not in str(caught.value)
 
@@ -250,7 +251,7 @@ def test_an_arm_whose_replanner_fails_comes_to_rest_as_proven(
 
 
 def test_a_job_is_executed_with_its_stages() -> None:
-    """The fingers are for whoever drives the hand: he is told when each stage begins."""
+    """The caller drives the fingers: a callback reports when each stage begins."""
     scene = hdplan.load_scene("panda_pick_place")
     motion = hdplan.plan_job(scene).trajectory
     arm = control.MuJoCoArm.of(scene)

@@ -1,4 +1,4 @@
-"""Files of points are read whole, or refused in one line; what is merged contains what it was merged from."""
+"""Files of points are read whole, or refused in one line; a merged ball contains the balls that it replaces."""
 
 from __future__ import annotations
 

@@ -149,7 +149,7 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
         ("a.obj", TRIANGLE + "f 1 2 0\n", "line 7: 'f 1 2 0': there is no such vertex"),
         ("a.obj", TRIANGLE + "f 1 2 -5\n", "line 7: 'f 1 2 -5': there is no such vertex"),
         ("a.obj", TRIANGLE + "f 1 2 5\n", "has vertex 4 .* there are 4 vertices"),
-        ("a.obj", TRIANGLE + "f 1 2\n", "line 7: 'f 1 2': a face has 3 vertices at least"),
+        ("a.obj", TRIANGLE + "f 1 2\n", "line 7: 'f 1 2': a face has at least 3 vertices"),
         ("a.obj", TRIANGLE + "v 0 0\n", "line 7: 'v 0 0': a vertex has 3 coordinates"),
         (
             "a.stl",
@@ -157,7 +157,7 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
             "line 3: 'vertex 0 0 0': 'outer loop' is expected",
         ),
         ("a.stl", "solid a\nfacet normal 0 0 z\n", "line 2: '0 0 z': numbers are expected"),
-        ("a.stl", "x" * 200, "is no STL file, or damaged: binary, it would have"),
+        ("a.stl", "x" * 200, "is not an STL file, or is damaged: binary, it would have"),
         ("a.off", "OFF\n3 4 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "is cut short: it says 3 vertices and 4 faces"),
         ("a.off", "OFF\n1e308 4 0\n", "line 2: '1e308 4 0': the numbers of vertices, faces and edges are expected"),
         ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n", "line 6: says 3 vertices and holds 2"),

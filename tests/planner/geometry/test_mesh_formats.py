@@ -104,13 +104,13 @@ def ply(*lines: str, head: str = "ascii", vertex: str = "", rows: str = "0 0 0\n
         ("stl", SOLID.replace("endloop\n", ""), "line 7: 'endfacet': 'endloop' is expected"),
         ("stl", SOLID.replace("vertex 1 0 0", "vertex 1 0 0_1"), "line 5: '1 0 0_1': numbers are expected"),
         ("stl", SOLID.replace("solid a", "solid vertex"), "line 1: .* a name with the keyword 'vertex'"),
-        ("off", OFF + "0 0 0\n", "line 9: '0 0 0': the file goes on after its 4 vertices and 2 faces"),
+        ("off", OFF + "0 0 0\n", "line 9: '0 0 0': the file continues after its 4 vertices and 2 faces"),
         ("off", OFF.replace("OFF", "4OFF"), "its first word is not OFF, .* but '4OFF'"),
         ("off", OFF.replace("OFF", "nOFF"), "its first word is not OFF, .* but 'nOFF'"),
         ("off", OFF.replace("OFF", "OFF BINARY"), "'BINARY': the numbers of vertices, faces and edges are expected"),
         ("off", OFF.replace("1 0 0\n", "1 0 0 1\n"), "line 4: '1 0 0 1': a vertex of OFF has 3 numbers"),
         ("off", OFF.replace("3 0 1 3", "3 0 1 3 9 9"), "line 8: .* a face of 3 vertices and a colour"),
-        ("off", OFF.replace("3 0 1 3", "2 0 1"), "line 8: '2 0 1': a face has 3 vertices at least"),
+        ("off", OFF.replace("3 0 1 3", "2 0 1"), "line 8: '2 0 1': a face has at least 3 vertices"),
         (
             "ply",
             ply("element trifans 1", "property list int int vertex_indices", rows=""),
@@ -118,13 +118,17 @@ def ply(*lines: str, head: str = "ascii", vertex: str = "", rows: str = "0 0 0\n
         ),
         ("ply", ply(vertex="property float w", rows=""), "element 'vertex': the property 'w' is not known"),
         ("ply", ply("property list uchar int more", rows=""), "element 'face': the property 'more' is not known"),
-        ("ply", ply("property double vertex_index", rows=""), "'face': has not one list of whole numbers"),
-        ("ply", ply("element vertex 3", rows=""), "'vertex' is there twice"),
-        ("ply", ply() + "0 0 0\n", "goes on after its end: its header says 4 rows, and it holds 5"),
+        (
+            "ply",
+            ply("property double vertex_index", rows=""),
+            "'face': does not have exactly one list of whole",
+        ),
+        ("ply", ply("element vertex 3", rows=""), "'vertex' appears twice"),
+        ("ply", ply() + "0 0 0\n", "continues after its end: its header says 4 rows, and it holds 5"),
         ("ply", ply().replace("0 1 2\n", "0 1 2 3\n"), "line 13: '3 0 1 2 3': 'face' needs numbers"),
         ("ply", ply().replace("1 0 0", "1_0 0 0"), "line 11: '1_0 0 0': 'vertex' needs numbers"),
-        ("ply", ply().replace("double z", "double y"), "line 6: 'y' is there twice"),
-        ("ply", ply().replace("ascii 1.0", "ascii 2.0"), "line 2: .* no line of a PLY header"),
+        ("ply", ply().replace("double z", "double y"), "line 6: 'y' appears twice"),
+        ("ply", ply().replace("ascii 1.0", "ascii 2.0"), "line 2: .* not a line of a PLY header"),
     ],
 )
 def test_what_is_not_known_is_refused_by_name(ending: str, content: str, words: str, tmp_path: Path) -> None:
@@ -142,7 +146,7 @@ def test_bytes_of_a_ply_are_all_read(tmp_path: Path) -> None:
     vertices, triangles = read_mesh_file(path)
     assert vertices.tolist() == np.eye(3).tolist()
     assert triangles.tolist() == [[0, 1, 2]]
-    for data, words in ((rows + b"\n", "goes on for 1 bytes"), (rows[:-1], "is cut short")):
+    for data, words in ((rows + b"\n", "continues for 1 bytes"), (rows[:-1], "is cut short")):
         path.write_bytes(head + data)
         with pytest.raises(InputError, match=words):
             read_mesh_file(path)
@@ -172,7 +176,7 @@ def test_strips_of_a_ply_turn_every_second_triangle_and_begin_anew_after_minus_o
             assert theirs is not None
             assert meshes_files.different(vertices[triangles], theirs) == ""
     for wrong, words in (
-        ([0, 1, -1, 2, 3, 4], "tristrips 0 .*: a strip has 3 corners at least, not 2"),
+        ([0, 1, -1, 2, 3, 4], "tristrips 0 .*: a strip has at least 3 corners, not 2"),
         ([0, 1, 2, 9], "tristrips 0 .*: a face has vertex 9"),
         ([0, 1, 2, -2], "'tristrips' needs numbers|a face has vertex -2"),
     ):

@@ -1,4 +1,4 @@
-"""Laws of meshes and obstacles: bad files are named, pieces cover what they stand for, inside is told from outside."""
+"""Laws of meshes and obstacles: bad files are named, pieces cover their meshes, inside differs from outside."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_bad_mesh_files_are_named(tmp_path: Path) -> None:
     for name, content, words in [
         ("none.stl", None, "no such file"),
         ("words.txt", "hello", "not known"),
-        ("words.stl", "hello", "is no STL file"),
+        ("words.stl", "hello", "is not an STL file"),
         ("words.glb", "hello", "is no JSON in UTF-8, or cut short"),
         ("empty.obj", "", "is empty"),
         ("points.obj", triangle, "is empty"),

@@ -42,13 +42,14 @@ from hdplan.scenes.timing import Timing
 from hdplan.scenes.voxel_grids import Voxels
 from hdplan.scenes.yaml_format.writer import scene_text
 
-ARM = """<robot name="arm">
-  <link name="base"/>
-  <link name="bar"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-    <collision><origin xyz="0.5 0 0"/><geometry><mesh filename="bar.stl"/></geometry></collision></link>
-  <joint name="turn" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 0 1"/>
-    <limit lower="-3" upper="3" effort="9" velocity="1"/></joint>
-</robot>"""
+from ..urdf import joint_text, link_text, write_robot
+
+MASS = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+
+
+def write_arm(file: Path, mesh: str = "bar.stl") -> Path:
+    bar = link_text("bar", mesh=mesh, at="0.5 0 0", inertial=MASS)
+    return write_robot(file, link_text("base"), bar, joint_text("turn", "base", "bar", limits=(-3, 3), effort=9))
 
 
 @pytest.fixture
@@ -56,7 +57,7 @@ def folder(tmp_path: Path) -> Path:
     """Files of every kind that a scene may name."""
     place = tmp_path / "files"
     place.mkdir()
-    (place / "arm.urdf").write_text(ARM)
+    write_arm(place / "arm.urdf")
     trimesh.creation.box((1.0, 0.1, 0.1)).export(place / "bar.stl")
     ring = trimesh.creation.annulus(0.05, 0.1, 0.05, sections=12)  # not convex
     ring.export(place / "ring.stl")
@@ -212,8 +213,7 @@ def test_a_scenes_mesh_in_which_z_is_not_up_is_refused_a_links_stands_as_it_is(t
     for up in ("Z_UP", "Y_UP", "X_UP"):
         file = tmp_path / f"{up}.dae"
         file.write_text(TRIANGLES.format(up=up))
-        (tmp_path / "arm.urdf").write_text(ARM.replace("bar.stl", file.name))
-        robot = load_robot(RobotSpec(urdf=tmp_path / "arm.urdf"))
+        robot = load_robot(RobotSpec(urdf=write_arm(tmp_path / "arm.urdf", file.name)))
         assert robot.collision.geometryObjects[0].geometry.num_vertices == 4
         obstacle = Obstacle("part", Mesh(file))
         if up == "Z_UP":

@@ -11,7 +11,7 @@ import pytest
 import hdplan
 from hdplan.planner.certificate.end_check import SAME_END
 from hdplan.planner.job.anew import COUNTS, timed_anew
-from hdplan.planner.job.blending import SNAP, _with_row
+from hdplan.planner.job.blending import LEAST_ROW_GAP, _with_row
 from hdplan.planner.job.overlap import overlapped
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
@@ -78,7 +78,7 @@ def test_no_mark_is_so_close_to_a_row_that_accelerations_there_are_rounding(seed
         whole, row = _with_row(motion, time)
         assert whole.times is not None
         assert whole.accelerations is not None
-        assert abs(whole.times[row] - time) <= SNAP
+        assert abs(whole.times[row] - time) <= LEAST_ROW_GAP
         for part, end in ((whole.between(0, row), -1), (whole.between(row, len(whole) - 1), 0)):
             there = part.curve.over_time(2).rows[end]
             np.testing.assert_allclose(there, whole.accelerations[row], rtol=0.0, atol=SAME_END)

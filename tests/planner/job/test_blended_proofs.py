@@ -333,8 +333,8 @@ def tool_places(motion: Trajectory, first: int, last: int, each: int = 60) -> tu
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(3))
 def test_no_peak_of_speed_between_rows_is_accepted(files: Files, tmp_path: Path, seed: int) -> None:
-    """A velocity that is changed in one row of two makes a peak somewhere in between: of no share of an interval is it
-    missed. What is accepted is slow enough at 60 places of each interval."""
+    """A velocity that is changed in one row of two makes a peak somewhere between them: the check misses it in no part
+    of an interval. Every accepted motion is slow enough at 60 places of each interval."""
     scene, motion, data = files
     rng, rows = np.random.default_rng(seed), marks(motion)
     accepted = rejected = 0

@@ -89,7 +89,7 @@ def test_what_goes_from_hand_to_hand_is_proven_whole(files: Files) -> None:
         {x for pair in world["not_compared"] if "bar" in pair and pair[2] == "touch_links" for x in pair[:2]} - {"bar"}
         for world in read
     ]
-    assert touching[4:9] == [{"right"}, {"right"}, {"right"}, set(), set()]  # beside the hand that it moves with
+    assert touching[4:9] == [{"right"}, {"right"}, {"right"}, set(), set()]  # beside the hand that holds it
     np.testing.assert_allclose(bar_of(read[-1])["position"], [0.2, 0.0, 0.0], atol=1e-3)
 
 

@@ -23,8 +23,8 @@ def above(place: list[float], turn: list[float]) -> hdplan.PoseTarget:
 
 
 def test_all_grasps_are_tried_plainly_before_ways_along_curves(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A bar does not fit into its slot by the nearer grasp, however a redundant arm goes there: for the other one no
-    way along a curve has to be looked for."""
+    """A bar does not fit into its slot by the nearer grasp, whichever way a redundant arm takes: the other grasp needs
+    no search along a curve."""
     sides = [hdplan.Box([0.3, 0.02, 0.08], name=f"side{y}", pose=[0.5, y, 0.06]) for y in (-0.36, -0.24)]
     floor = hdplan.Box([0.6, 1.2, 0.02], name="floor", pose=[0.5, 0.0, 0.01])
     bar = hdplan.Box([0.24, 0.04, 0.04], name="bar", pose=[0.5, 0.3, 0.041])
@@ -104,7 +104,7 @@ def test_an_interrupted_job_says_so_and_keeps_what_is_planned(monkeypatch: pytes
 
 @pytest.mark.parametrize(("fails", "found"), [("", "B"), ("B", "A"), ("AB", "A")])
 def test_no_choice_takes_all_of_the_time(monkeypatch: pytest.MonkeyPatch, fails: str, found: str) -> None:
-    """The good one gets its turn; where it fails, what was put off is gone on with."""
+    """The good one gets its turn; where it fails, the postponed ones continue."""
     clock = [0.0]
     monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
     search = Slow(clock, fails)

@@ -57,7 +57,8 @@ def test_commands_take_a_job_or_refuse_it(command: Command) -> None:
     nominal = "; in the nominal world, without obstacles[0].uncertainty.position"
     assert (code, out.splitlines()[0].endswith(f"limits of the scene{nominal}")) == (0, True)
     code, out, _ = command("simulate job.yaml motion.json --json")
-    assert (code, [each["kind"] for each in json.loads(out)["stages"]]) == (0, ["line", "wait"])
+    content = json.loads(out)
+    assert (code, [each["kind"] for each in content["stages"]], content["plant"]) == (0, ["line", "wait"], None)
     code, _, err = command("simulate job.yaml motion.json --plot rates.png")
     assert (code, "--plot: is about a single motion" in err) == (2, True)
     code, _, err = command("view job.yaml motion.json motion.json")

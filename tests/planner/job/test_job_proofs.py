@@ -121,8 +121,8 @@ def bodies(world: dict[str, Any], name: str, **changes: Any) -> None:
 
 
 def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
-    """A hold left out, another place after release, what may touch told in another stage, limits, joints of the hand,
-    the motion: of whatever part."""
+    """A hold left out, another place after release, allowed contacts in another stage, limits, joints of the hand,
+    the motion: of any part."""
     scene, motion, data = files
     written = worlds(data)
     parts = read_job(scene, motion, written)

@@ -59,7 +59,7 @@ def test_kept_certificates_are_those_made_anew(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(certify, "certified_stage", lambda *given: (made.append(given[1]), anew(*given))[1])
 
     def made_anew(scene: hdplan.Scene, motion: Trajectory) -> list[int]:
-        """The stages of which nothing was kept; what is said of all is the same."""
+        """The stages that were not kept; the text of all is the same."""
         made.clear()
         kept = certified_job(scene, motion, pieces)
         stages = [*made]

@@ -14,7 +14,7 @@ import hdplan
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.job import redundancy
 from hdplan.planner.job.following import NotFollowedError
-from hdplan.planner.job.redundancy import STEP, Layers, inner_limits, ways_along
+from hdplan.planner.job.redundancy import LARGEST_STEP, Layers, inner_limits, ways_along
 
 TOOL = "panda_hand_tcp"
 READY = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.7])
@@ -49,7 +49,7 @@ def test_ways_are_followed_freely(fixed: bool) -> None:
     for way in found:
         if fixed:
             assert np.array_equal(way[0], READY)
-        assert np.abs(np.diff(way, axis=0)).max() <= STEP
+        assert np.abs(np.diff(way, axis=0)).max() <= LARGEST_STEP
         assert (way >= low).all()
         assert (way <= high).all()
         assert (way[:, 2] < 0.4).all()

@@ -8,7 +8,7 @@ import pytest
 
 import hdplan
 from hdplan.distance.compiled.loops import library
-from hdplan.planner.job.redundancy import STEP
+from hdplan.planner.job.redundancy import LARGEST_STEP
 from hdplan.planner.job.self_motions import close_branches
 from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.scenes.targets import PoseTarget
@@ -53,7 +53,7 @@ def test_no_configuration_is_far_from_all(joint: int, value: float) -> None:
     assert off(robot, target, close) < 1e-6
     assert farthest(plain, close) == 0.0
     assert farthest(everywhere, plain) > farthest(everywhere, close)
-    assert farthest(everywhere, close) < STEP
+    assert farthest(everywhere, close) < LARGEST_STEP
     assert len(close) < 3 * len(plain)
 
 

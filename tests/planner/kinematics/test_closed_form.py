@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -20,6 +21,8 @@ from hdplan.planner.terminal.robots import describe
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.targets import PoseTarget
+
+from ..urdf import joint_text, link_text, robot_text
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
 
@@ -100,19 +103,14 @@ Load = Callable[..., Robot]
 
 def urdf_of(name: str, joints: list[Joint], off: float = 0.0) -> str:
     """A description, with every origin off by up to `off` [m]."""
-    rng, parts = np.random.default_rng(4), ['<link name="l0"/>']
+    rng, parts = np.random.default_rng(4), [link_text("l0")]
     for i, (origin, turn, axis) in enumerate(joints):
-        origin = " ".join(repr(float(x) + off * rng.uniform(-1, 1)) for x in origin.split())
-        kind = 'type="prismatic"' if axis == "slide" else 'type="revolute"'
-        limit = '<limit lower="0" upper="0.38" effort="1" velocity="1"/>'
-        if axis != "slide":
-            limit = '<limit lower="-3.1" upper="3.3" effort="1" velocity="1"/>'
-        parts.append(f'<joint name="j{i}" {kind}><parent link="l{i}"/><child link="l{i + 1}"/>')
-        parts.append(
-            f'<origin xyz="{origin}" rpy="{turn}"/><axis xyz="{Z if axis == "slide" else axis}"/>{limit}</joint>'
-        )
-        parts.append(f'<link name="l{i + 1}"/>')
-    return f'<robot name="{name}">{"".join(parts)}</robot>'
+        at = " ".join(repr(float(x) + off * rng.uniform(-1, 1)) for x in origin.split())
+        one, other = f"l{i}", f"l{i + 1}"
+        slides: dict[str, Any] = {"kind": "prismatic", "limits": (0, 0.38)}
+        how = (Z, slides) if axis == "slide" else (axis, {"limits": (-3.1, 3.3)})
+        parts += [joint_text(f"j{i}", one, other, how[0], at=at, rpy=turn, **how[1]), link_text(other)]
+    return robot_text(*parts, name=name)
 
 
 @pytest.fixture

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pinocchio as pin
@@ -14,6 +16,8 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.library import robot_names
 from hdplan.scenes.robot_spec import RobotSpec
+
+from ..urdf import joint_text, link_text, write_robot
 
 ARMS = ["panda", "ur3_gripper", "ur5", "ur5_gripper", "ur10", "xarm7", "kinova", "z1"]
 EXACT = 1e-12  # [m, 1] agreement with Pinocchio: rounding of a dozen products of matrices
@@ -64,14 +68,14 @@ def test_all_kinds_of_joints_agree_with_pinocchio(name: str) -> None:
 
 def test_prismatic_joints_agree_with_pinocchio(tmp_path) -> None:
     axes = ["1 0 0", "0 1 0", "0 0 1", "0.6 0 0.8"]
-    links = "".join(f'<link name="l{i}"/>' for i in range(len(axes) * 2 + 1))
-    joints = "".join(
-        f'<joint name="j{i}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="0.1 0.2 0.3" '
-        f'rpy="0.3 0.2 {0.1 * i}"/><axis xyz="{axis}"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
-        for i, (kind, axis) in enumerate((kind, axis) for kind in ("prismatic", "continuous") for axis in axes)
+    links = (link_text(f"l{i}") for i in range(2 * len(axes) + 1))
+    kinds = [(kind, axis) for kind in ("prismatic", "continuous") for axis in axes]
+    place: dict[str, Any] = {"at": "0.1 0.2 0.3", "limits": (-3, 3)}
+    joints = (
+        joint_text(f"j{i}", f"l{i}", f"l{i + 1}", axis, kind=kind, rpy=f"0.3 0.2 {0.1 * i}", **place)
+        for i, (kind, axis) in enumerate(kinds)
     )
-    path = tmp_path / "mixed.urdf"
-    path.write_text(f'<robot name="mixed">{links}{joints}</robot>')
+    path = write_robot(tmp_path / "mixed.urdf", *links, *joints)
     _compare(load_robot(RobotSpec(urdf=path, base=BASE)), 5)
 
 

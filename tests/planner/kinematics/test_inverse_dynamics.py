@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,6 +24,8 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
 from hdplan.scenes.targets import JointTarget
+
+from ..urdf import joint_text, link_text, write_robot
 
 Floats = NDArray[np.float64]
 
@@ -76,15 +79,13 @@ def test_all_kinds_of_joints_and_rotors_agree_with_pinocchio(tmp_path: Path) -> 
         '<inertial><origin xyz="0.1 -0.05 0.2" rpy="0.4 0 1"/><mass value="{}"/>'
         '<inertia ixx="0.3" ixy="0.01" ixz="-0.02" iyy="0.4" iyz="0.03" izz="0.5"/></inertial>'
     )
-    links = "".join(f'<link name="l{i}">{body.format(1 + i / 7)}</link>' for i in range(len(kinds) + 1))
-    joints = "".join(  # a tree: the last three hang on the third link
-        f'<joint name="j{i}" type="{kind}"><parent link="l{i if i < 6 else 3}"/><child link="l{i + 1}"/>'
-        f'<origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 {0.1 * i}"/><axis xyz="{axis}"/>'
-        '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+    links = (link_text(f"l{i}", inertial=body.format(1 + i / 7)) for i in range(len(kinds) + 1))
+    place: dict[str, Any] = {"at": "0.1 0.2 0.3", "limits": (-3, 3)}
+    joints = (  # a tree: the last three hang on the third link
+        joint_text(f"j{i}", f"l{i if i < 6 else 3}", f"l{i + 1}", axis, kind=kind, rpy=f"0.3 0.2 {0.1 * i}", **place)
         for i, (kind, axis) in enumerate(kinds)
     )
-    path = tmp_path / "mixed.urdf"
-    path.write_text(f'<robot name="mixed">{links}{joints}</robot>')
+    path = write_robot(tmp_path / "mixed.urdf", *links, *joints)
     robot = load_robot(RobotSpec(urdf=path, base=BASES["on a wall"]))
     robot.model.armature = np.linspace(0.1, 0.9, robot.n)
     state = _states(robot, 20)
@@ -253,11 +254,6 @@ def test_what_no_robot_and_no_body_has_is_refused_by_name() -> None:
 
 
 def test_a_urdf_without_masses_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "light.urdf"
-    path.write_text(
-        '<robot name="light"><link name="base"/><link name="tip"/><joint name="turn" type="revolute">'
-        '<parent link="base"/><child link="tip"/><axis xyz="0 0 1"/>'
-        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
-    )
+    path = write_robot(tmp_path / "light.urdf", *map(link_text, ("base", "tip")), joint_text("turn", "base", "tip"))
     with pytest.raises(InputError, match=r"limits\.torque: joint 'turn' of light moves no mass"):
         _ = Setup(_scene(), load_robot(RobotSpec(urdf=path))).loaded_model

@@ -34,7 +34,7 @@ def curves(seed: int) -> list[Curve]:
 @pytest.mark.parametrize("held", [1, 2, 3])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_curve_is_scipys_hermite_interpolation(held: int, seed: int) -> None:
-    """Positions, velocities and accelerations of the rows, and everything between: by another library."""
+    """Positions, velocities and accelerations of the rows, and of the curve through them: by another library."""
     times, *values = rows(seed)
     curve = Curve.through(values[0], times, *values[1:held])
     other = BPoly.from_derivatives(times, np.stack(values[:held], axis=1))

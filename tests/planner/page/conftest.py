@@ -1,10 +1,13 @@
-"""A light scene, a motion through it, and a browser to look at pages with."""
+"""A light scene, a motion through it, and a browser for pages."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import pytest
 
 from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.page.browser import Browser, find_browser
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.setup import Setup
@@ -25,3 +28,13 @@ def setup(result: PlanResult) -> Setup:
 @pytest.fixture(scope="session")
 def motion(result: PlanResult, setup: Setup) -> ShownMotion:
     return ShownMotion.of("found", result.trajectory, Certifier(setup), result.certificate)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """One for all pages: each begins anew."""
+    program = find_browser()
+    if program is None:
+        pytest.skip("no browser found: apt-get install chromium")
+    with Browser(program) as found:
+        yield found

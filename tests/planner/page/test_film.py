@@ -15,7 +15,6 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page import film as films
 from hdplan.planner.page.browser import Browser, BrowserError, find_browser
 from hdplan.planner.page.film import check_film, film
-from hdplan.planner.page.recorded_page import page_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.timeline import PATH_DURATION
@@ -100,8 +99,7 @@ def test_bad_films_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_browser_that_is_none_is_an_error(motion: ShownMotion, setup: Setup) -> None:
-    page = page_of(setup, [motion])
+def test_a_browser_that_is_none_is_an_error() -> None:
     for program in ("/bin/true", "/no/such/browser"):
-        with pytest.raises(BrowserError, match="has ended"), Browser(program, page, (100, 100)):
+        with pytest.raises(BrowserError, match="has ended"), Browser(program):
             pass

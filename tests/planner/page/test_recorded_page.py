@@ -15,7 +15,7 @@ import pytest
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.html_page import HtmlPage
-from hdplan.planner.page.browser import Browser, find_browser
+from hdplan.planner.page.browser import Browser
 from hdplan.planner.page.recorded_page import page_of
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.result import PlanResult
@@ -71,6 +71,14 @@ def test_a_page_says_what_is_known(setup: Setup, motion: ShownMotion) -> None:
     assert [joint["name"] for joint in content["joints"]] == list(setup.robot.joint_names)
 
 
+def test_the_page_of_the_docs_is_as_pages_are_today(setup: Setup, motion: ShownMotion) -> None:
+    """In its style, its script and its colours; docs/measurements.md has the command that records it."""
+    docs = (Path(__file__).resolve().parents[3] / "docs" / "panda_cage.html").read_text(encoding="utf-8")
+    today = page_of(setup, [motion]).html
+    for part in (r"<style>.*?</style>", r"<script>.*?</script>", r"linear-gradient\(.*?\)"):
+        assert re.findall(part, docs, re.DOTALL) == re.findall(part, today, re.DOTALL) != []
+
+
 def test_a_page_needs_nothing_from_elsewhere(setup: Setup, motion: ShownMotion) -> None:
     text = page_of(setup, [motion]).html
     assert not re.search(r"https?://|@import|url\(|<link|src=", text.replace("http://www.w3.org", ""))
@@ -111,74 +119,69 @@ def test_a_result_shows_itself(result: PlanResult, tmp_path: Path) -> None:
         dataclasses.replace(result, requested=None).show()
 
 
-@pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")
-def test_seven_joints_are_not_taken_for_a_pose() -> None:
-    """Each joint's value is said as it is: the seven of a Panda once had four turned to a quaternion of length 1."""
-    program, result = find_browser(), hdplan.plan(hdplan.load_scene("panda_cage"))
-    assert program is not None
-    with Browser(program, result.show(), SIZE) as browser:
-        cells = "[...document.querySelectorAll('#joints td:nth-child(2)')]"
-        for now, q in ((0.0, result.trajectory.positions[0]), (1.0, result.trajectory.positions[-1])):
-            values = browser.run(f"page.now = {now}, page.paint(), {cells}.map(cell => cell.innerText)")
-            np.testing.assert_allclose([float(value.split()[0]) for value in values], q, atol=6e-4)
+def test_seven_joints_are_not_taken_for_a_pose(browser: Browser) -> None:
+    """Each joint's value is shown as it is: the seven of a Panda once had four turned to a quaternion of length 1."""
+    result = hdplan.plan(hdplan.load_scene("panda_cage"))
+    browser.show(result.show(), SIZE)
+    cells = "[...document.querySelectorAll('#joints td:nth-child(2)')]"
+    for now, q in ((0.0, result.trajectory.positions[0]), (1.0, result.trajectory.positions[-1])):
+        values = browser.run(f"page.now = {now}, page.paint(), {cells}.map(cell => cell.innerText)")
+        np.testing.assert_allclose([float(value.split()[0]) for value in values], q, atol=6e-4)
 
 
-@pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")
-def test_a_browser_draws_it(setup: Setup, motion: ShownMotion) -> None:
-    """The picture changes as the motion goes on, the slider and the keys move it, and nothing is complained of."""
-    program = find_browser()
-    assert program is not None
+def test_a_browser_draws_it(setup: Setup, motion: ShownMotion, browser: Browser) -> None:
+    """The picture follows the motion, the slider and the keys move it, and the console is empty."""
     listening = "<script>window.wrong = []; addEventListener('error', (e) => wrong.push(e.message));</script>"
     page = page_of(setup, [motion])
-    with Browser(program, HtmlPage(page.title, page.html.replace("<body>", listening, 1)), SIZE) as browser:
-        assert browser.run("document.title") == page.title
-        assert motion.certificate.text in browser.run("document.body.innerText")
-        pictures = []
-        for now in (0.0, 0.5, 1.0):
-            browser.run(f"page.now = {now}; page.paint()")
-            pictures.append(browser.run("document.getElementById('scene').toDataURL()"))
-        assert len(set(pictures)) == 3
-        ghosts = "page.stage.solids.filter(x => x.visible && x.alpha < 1)"  # none where the robot stands
-        for now, seen in ((0.0, 0.5), (0.5, 1.0), (1.0, 0.5)):
-            share = f"{ghosts}.filter(x => x.visible()).length / {ghosts}.length"
-            assert browser.run(f"page.now = {now}; {share}") == seen
-        browser.run("time.value = 0.25; time.dispatchEvent(new Event('input'))")
-        assert browser.run("page.now") == pytest.approx(0.25)
-        cells = "[...document.querySelectorAll('#joints td:nth-child(2)')]"
-        values = browser.run(f"page.paint(), {cells}.map(cell => cell.innerText)")
-        shown = [float(value.split()[0]) for value in values]
-        np.testing.assert_allclose(shown, motion.curve.at_parameter(0.25), atol=2e-3)
-        for key, now in (("End", 1.0), ("ArrowLeft", 0.99), ("Home", 0.0)):
-            browser.run(f"document.dispatchEvent(new KeyboardEvent('keydown', {{key: '{key}'}}))")
-            assert browser.run("page.now") == pytest.approx(now)
-        before = browser.run("page.paint(), document.getElementById('scene').toDataURL()")
-        browser.run("page.stage.azimuth += 1; page.paint()")
-        assert browser.run("document.getElementById('scene').toDataURL()") != before
-        assert browser.run("wrong") == []
-        assert browser.run("page.stage.gl.getError()") == 0
+    browser.show(HtmlPage(page.title, page.html.replace("<body>", listening, 1)), SIZE)
+    assert browser.run("document.title") == page.title
+    assert motion.certificate.text in browser.run("document.body.innerText")
+    pictures = []
+    for now in (0.0, 0.5, 1.0):
+        browser.run(f"page.now = {now}; page.paint()")
+        pictures.append(browser.run("document.getElementById('scene').toDataURL()"))
+    assert len(set(pictures)) == 3
+    ghosts = "page.stage.solids.filter(x => x.visible && x.alpha < 1)"  # none where the robot stands
+    for now, seen in ((0.0, 0.5), (0.5, 1.0), (1.0, 0.5)):
+        share = f"{ghosts}.filter(x => x.visible()).length / {ghosts}.length"
+        assert browser.run(f"page.now = {now}; {share}") == seen
+    browser.run("time.value = 0.25; time.dispatchEvent(new Event('input'))")
+    assert browser.run("page.now") == pytest.approx(0.25)
+    cells = "[...document.querySelectorAll('#joints td:nth-child(2)')]"
+    values = browser.run(f"page.paint(), {cells}.map(cell => cell.innerText)")
+    shown = [float(value.split()[0]) for value in values]
+    np.testing.assert_allclose(shown, motion.curve.at_parameter(0.25), atol=2e-3)
+    for key, now in (("End", 1.0), ("ArrowLeft", 0.99), ("Home", 0.0)):
+        browser.run(f"document.dispatchEvent(new KeyboardEvent('keydown', {{key: '{key}'}}))")
+        assert browser.run("page.now") == pytest.approx(now)
+    before = browser.run("page.paint(), document.getElementById('scene').toDataURL()")
+    browser.run("page.stage.azimuth += 1; page.paint()")
+    assert browser.run("document.getElementById('scene').toDataURL()") != before
+    assert browser.run("wrong") == []
+    assert browser.run("page.stage.gl.getError()") == 0
 
 
-@pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")
 def test_robots_in_one_place_do_not_flicker_and_the_ground_is_hidden_by_what_stands_on_it(
-    setup: Setup, motion: ShownMotion
+    setup: Setup, motion: ShownMotion, browser: Browser
 ) -> None:
     """Ghosts and the robots of other motions are smaller than the robot, each by another length; nothing is seen of a
     ground below a slab, even where its lines run from below the eye to the horizon."""
-    program, slab = find_browser(), Obstacle("slab", Box((4.0, 4.0, 0.04)), Pose((0.0, 0.0, -0.03)))
-    assert program is not None
+    slab = Obstacle("slab", Box((4.0, 4.0, 0.04)), Pose((0.0, 0.0, -0.03)))
     page = page_of(dataclasses.replace(setup, scene=derived(setup.scene, obstacles=(slab,))), [motion, motion])
-    with Browser(program, page, (900, 600)) as browser:
-        last = "page.meshes[data.robot.at(-1)].joint"  # of all robots, the links that are farthest from the base
-        edges = "mesh.high.map((high, i) => high - mesh.low[i])"
-        grown = f"{edges}.map((edge, i) => edge * (Math.hypot(...place().slice(4 * i, 4 * i + 3)) - 1))"
-        found = browser.run(f"page.stage.solids.filter(x => x.mesh.joint === {last}).map(({{mesh, place}}) => {grown})")
-        assert sorted({round(max(each) / (-2.0 * INSET), 3) + 0.0 for each in found}) == [0.0, 1.0, 2.0, 3.0]
-        browser.run("page.stage.look([-0.58, -0.5, 0.71], [0.23, -0.03, 0.21], 0.785, 1.3), page.paint()")
-        seen = browser.run("document.getElementById('scene').toDataURL()")
-        assert browser.run("page.ground.count = 0, page.paint(), document.getElementById('scene').toDataURL()") == seen
+    browser.show(page, (900, 600))
+    last = "page.meshes[data.robot.at(-1)].joint"  # of all robots, the links that are farthest from the base
+    edges = "mesh.high.map((high, i) => high - mesh.low[i])"
+    grown = f"{edges}.map((edge, i) => edge * (Math.hypot(...place().slice(4 * i, 4 * i + 3)) - 1))"
+    found = browser.run(f"page.stage.solids.filter(x => x.mesh.joint === {last}).map(({{mesh, place}}) => {grown})")
+    assert sorted({round(max(each) / (-2.0 * INSET), 3) + 0.0 for each in found}) == [0.0, 1.0, 2.0, 3.0]
+    browser.run("page.stage.look([-0.58, -0.5, 0.71], [0.23, -0.03, 0.21], 0.785, 1.3), page.paint()")
+    seen = browser.run("document.getElementById('scene').toDataURL()")
+    assert browser.run("page.ground.count = 0, page.paint(), document.getElementById('scene').toDataURL()") == seen
 
 
-def test_planes_glide_along_the_motion(setup: Setup, motion: ShownMotion, tmp_path: Path) -> None:
+def test_planes_glide_along_the_motion(
+    setup: Setup, motion: ShownMotion, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
     """Each keeps the two bodies apart that are closest then, by what the proof says, between the samples too."""
     file = tmp_path / "motion.json"
     motion.trajectory.save(file)
@@ -195,32 +198,27 @@ def test_planes_glide_along_the_motion(setup: Setup, motion: ShownMotion, tmp_pa
         assert sides[1] < 1e-4
         assert plane["of"].startswith(next(filter(None, near))["pair"])
         assert plane["thick"] <= pair.distance + 1e-4
-    program = find_browser()
-    if program is None:
-        pytest.skip("no browser found: apt-get install chromium")
-    with Browser(program, page, PHONE) as browser:
-        first, second = content["when"][40:42]
-        at = [browser.run(f"page.now = {now}, page.plane().point") for now in (first, 0.5 * (first + second), second)]
-        if content["planes"][40]["of"] == content["planes"][41]["of"]:
-            np.testing.assert_allclose(at[1], np.mean([at[0], at[2]], axis=0), atol=2e-5)
-        assert "proven ≥" in browser.run("page.paint(), document.getElementById('plane-words').textContent")
+    browser: Browser = request.getfixturevalue("browser")
+    browser.show(page, PHONE)
+    first, second = content["when"][40:42]
+    at = [browser.run(f"page.now = {now}, page.plane().point") for now in (first, 0.5 * (first + second), second)]
+    if content["planes"][40]["of"] == content["planes"][41]["of"]:
+        np.testing.assert_allclose(at[1], np.mean([at[0], at[2]], axis=0), atol=2e-5)
+    assert "proven ≥" in browser.run("page.paint(), document.getElementById('plane-words').textContent")
 
 
-@pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")
-def test_a_phone_shows_all_of_it(setup: Setup, motion: ShownMotion) -> None:
+def test_a_phone_shows_all_of_it(setup: Setup, motion: ShownMotion, browser: Browser) -> None:
     """Nothing is wider than the screen, the slider is in sight, a finger turns the scene, no word is below 11 px,
     and a plot is dragged to a moment."""
-    program = find_browser()
-    assert program is not None
-    with Browser(program, page_of(setup, [motion]), PHONE) as browser:
-        assert browser.run("document.documentElement.scrollWidth <= innerWidth")
-        box = "document.getElementById('time').getBoundingClientRect()"
-        low, high = browser.run(f"[{box}.top, {box}.bottom]")
-        assert 0 < low < high < PHONE[1]
-        sizes = "[...document.querySelectorAll('body *')].map(e => parseFloat(getComputedStyle(e).fontSize))"
-        assert min(browser.run(sizes)) >= 11.0
-        before = browser.run("page.stage.azimuth")
-        browser.run(TOUCH.format(target="scene", buttons=1, first="100, 100", last="160, 100"))
-        assert browser.run("page.stage.azimuth") != before
-        browser.run(TOUCH.format(target="clearance", buttons=1, first="200, 60", last="250, 60"))
-        assert 0.2 < browser.run("page.now") < 0.9
+    browser.show(page_of(setup, [motion]), PHONE)
+    assert browser.run("document.documentElement.scrollWidth <= innerWidth")
+    box = "document.getElementById('time').getBoundingClientRect()"
+    low, high = browser.run(f"[{box}.top, {box}.bottom]")
+    assert 0 < low < high < PHONE[1]
+    sizes = "[...document.querySelectorAll('body *')].map(e => parseFloat(getComputedStyle(e).fontSize))"
+    assert min(browser.run(sizes)) >= 11.0
+    before = browser.run("page.stage.azimuth")
+    browser.run(TOUCH.format(target="scene", buttons=1, first="100, 100", last="160, 100"))
+    assert browser.run("page.stage.azimuth") != before
+    browser.run(TOUCH.format(target="clearance", buttons=1, first="200, 60", last="250, 60"))
+    assert 0.2 < browser.run("page.now") < 0.9

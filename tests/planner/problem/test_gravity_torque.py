@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -34,25 +35,27 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
+from ..urdf import joint_text, link_text, write_robot
+
 Floats = NDArray[np.float64]
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes" / "shipped"
 ON_A_WALL = Pose((0.3, -0.2, 0.9), (0, 0.6, 0, 0.8))
 UPRIGHT = Pose((0, 0, 1), (0.7071067811865476, 0, 0, 0.7071067811865476))  # the planar arm in a vertical plane
 PLANAR = RobotSpec(urdf=SCENES / "planar_arm.urdf", srdf=SCENES / "planar_arm.srdf", base=UPRIGHT)
-SLIDING = (
-    '<robot name="sliding"><link name="l0"/>{links}'
-    '<joint name="slide" type="prismatic"><parent link="l0"/><child link="l1"/><axis xyz="0.6 0 0.8"/>{limit}</joint>'
-    '<joint name="turn" type="revolute"><parent link="l1"/><child link="l2"/><origin xyz="0.2 0.1 0"/>'
-    '<axis xyz="0 1 0"/>{limit}</joint>'
-    '<joint name="reach" type="prismatic"><parent link="l2"/><child link="l3"/><axis xyz="1 0 0"/>{limit}</joint>'
-    '<joint name="twist" type="continuous"><parent link="l3"/><child link="l4"/><axis xyz="0 0 1"/>{limit}</joint>'
-    '<joint name="other" type="revolute"><parent link="l1"/><child link="l5"/><axis xyz="1 0 0"/>{limit}</joint>'
-    "</robot>"
+BODY = (
+    '<inertial><origin xyz="0.1 -0.05 0.2"/><mass value="2"/>'
+    '<inertia ixx="0.3" ixy="0" ixz="0" iyy="0.4" iyz="0" izz="0.5"/></inertial>'
 )
-LINK = (
-    '<link name="l{}"><inertial><origin xyz="0.1 -0.05 0.2"/><mass value="2"/>'
-    '<inertia ixx="0.3" ixy="0" ixz="0" iyy="0.4" iyz="0" izz="0.5"/></inertial></link>'
+SHORT: dict[str, Any] = {"limits": (-0.5, 0.5)}
+SLIDING = (
+    link_text("l0"),
+    *(link_text(f"l{i}", inertial=BODY) for i in range(1, 6)),
+    joint_text("slide", "l0", "l1", "0.6 0 0.8", kind="prismatic", **SHORT),
+    joint_text("turn", "l1", "l2", "0 1 0", at="0.2 0.1 0", **SHORT),
+    joint_text("reach", "l2", "l3", "1 0 0", kind="prismatic", **SHORT),
+    joint_text("twist", "l3", "l4", kind="continuous"),
+    joint_text("other", "l1", "l5", "1 0 0", **SHORT),
 )
 
 
@@ -60,10 +63,7 @@ def _robot(name: str, folder: Path) -> Robot:
     if name == "planar":
         return load_robot(PLANAR)
     if name == "sliding":  # and branching
-        urdf = folder / "sliding.urdf"
-        limit = '<limit lower="-0.5" upper="0.5" effort="1" velocity="1"/>'
-        urdf.write_text(SLIDING.format(links="".join(LINK.format(i) for i in range(1, 6)), limit=limit))
-        return load_robot(RobotSpec(urdf=urdf, base=ON_A_WALL))
+        return load_robot(RobotSpec(urdf=write_robot(folder / "sliding.urdf", *SLIDING), base=ON_A_WALL))
     return load_robot(RobotSpec(name=name, base=ON_A_WALL if name == "kinova" else Pose()))
 
 

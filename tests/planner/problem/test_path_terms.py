@@ -189,7 +189,7 @@ def test_ends_that_break_a_constraint_are_refused_with_by_how_much() -> None:
 
 
 def test_goals_by_inverse_kinematics_keep_the_constraint(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(goals, "DRAWN", 2)
+    monkeypatch.setattr(goals, "DRAW_ROUNDS", 2)
     scene = upright("ur5_table", 0.1)
     robot, start = load_scene_robot(scene), load_scene_robot(scene).configuration(scene.start)
     setup = Setup.of(scene, robot)

@@ -32,7 +32,9 @@ from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.planner.problem.whole_graph import WholeGraph, whole_graph
 
-# Relative to the largest number compared, unless said.
+from ..urdf import joint_text, link_text, write_robot
+
+# Relative to the largest number compared, unless noted.
 WITNESS = 1e-10  # the fast evaluation against CasADi's: sums in another order, constants rounded alike
 DIFFERENCE = 1e-8  # sixth-order differences: the distance bends over 1 mm, so their error is (STEP / 1 mm)⁶
 STEP = 1e-5  # [rad]
@@ -229,25 +231,22 @@ def test_casadi_hessian_is_that_of_the_gradient(planar: Problem, whole: WholeGra
         close(hessian, differences(lambda y: np.array(evaluate(y, WEIGHT)[1]).ravel(), x), DIFFERENCE)
 
 
-BAR = '<collision><origin xyz="0.22 0 0"/><geometry><box size="0.44 0.06 0.04"/></geometry></collision>'
-ARM = """<link name="{0}_upper">{bar}</link><link name="{0}_fore">{bar}</link>
-  <joint name="{0}_yaw" type="revolute"><parent link="base"/><child link="{0}_upper"/><origin xyz="0 {1} 0"/>
-    <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2" effort="9"/></joint>
-  <joint name="{0}_next" type="{2}"><parent link="{0}_upper"/><child link="{0}_fore"/><origin xyz="0.4 0 0.02"/>
-    <axis xyz="{3}"/><limit lower="-3" upper="3" velocity="2" effort="9"/></joint>"""
-TWO_ARMS = (
-    '<robot name="two_arms"><link name="base"/>'
-    + ARM.format("left", 0.1, "revolute", "0 1 0", bar=BAR)
-    + ARM.format("right", -0.1, "prismatic", "1 0 0", bar=BAR)
-    + "</robot>"
-)
+def arm(side: str, y: float, kind: str, axis: str) -> tuple[str, ...]:
+    upper, fore, reach = f"{side}_upper", f"{side}_fore", {"limits": (-3.0, 3.0)}
+    return (
+        *(link_text(name, box="0.44 0.06 0.04", at="0.22 0 0") for name in (upper, fore)),
+        joint_text(f"{side}_yaw", "base", upper, at=f"0 {y} 0", **reach, velocity=2, effort=9),
+        joint_text(f"{side}_next", upper, fore, axis, kind=kind, at="0.4 0 0.02", **reach, velocity=2, effort=9),
+    )
+
+
+TWO_ARMS = link_text("base"), *arm("left", 0.1, "revolute", "0 1 0"), *arm("right", -0.1, "prismatic", "1 0 0")
 
 
 @pytest.fixture
 def two_arms(tmp_path: Path) -> Problem:
     """Boxes along the axes, at an obstacle that is one too; in half of the pairs both bodies move, on two branches."""
-    urdf = tmp_path / "two_arms.urdf"
-    urdf.write_text(TWO_ARMS)
+    urdf = write_robot(tmp_path / "two_arms.urdf", *TWO_ARMS)
     ends = (JointTarget(name, (0.0, 0.0, 0.0, 0.0)) for name in ("start", "goal"))
     obstacle = Obstacle("beam", Box((0.3, 0.1, 0.1)), Pose((0.5, 0.0, 0.05)))
     return build(

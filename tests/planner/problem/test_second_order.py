@@ -179,7 +179,7 @@ def test_gravitys_torques(name: str) -> None:
 
 
 def test_where_a_length_has_no_derivative_its_second_is_finite() -> None:
-    """At no turn and at half of one, and at the place that is asked for."""
+    """At no turn and at half of one, and at the given place."""
     placements, columns = np.zeros((2, 2, 12)), np.random.default_rng(2).normal(size=(2, 3, 6))
     placements[..., [0, 4, 8]] = 1.0
     placements[1, 1, [4, 8]] = -1.0

@@ -112,7 +112,7 @@ def put(world: Data, *path: Any, to: Any) -> Data:
 
 
 def spoilt(folder: Path, given: tuple[Path, Path], wish: Data, claims: list[str]) -> tuple[str, str]:
-    """What is said of a proof in the world that would suit, and in the world that is read; the first proof is good in
+    """The verdicts on a proof in the world that would suit, and in the world that is read; the first proof is good in
     its own world."""
     try:
         reading = read_world(*given)
@@ -154,7 +154,7 @@ WHEELS = {"joint_names": ["base_x", "base_y", "base_yaw", "a", "b"]}
 
 Honest = tuple[tuple[Path, Path], Data, dict[str, str], bytes]
 Case = tuple[Data, Data, str, Data, Data, str, list[str], str, str]
-# (scene, motion, URDF as they are; scene, motion, URDF of the world that would suit; claims; what is said of both)
+# (scene, motion, URDF as they are; scene, motion, URDF of the world that would suit; claims; the verdicts on both)
 CASES: dict[str, Case] = {
     "another joint moves than those of the group": (
         {}, {"joint_names": ["a", "g"]}, URDF,
@@ -438,7 +438,7 @@ def test_a_joint_that_is_held_far_beyond_its_limits_is_refused(robot: Data, tmp_
     assert read_world(*files(tmp_path, {"robot": {**ROBOT, "locked": {"g": 2.09}}})).world["held"] == {"g": 2.09}
 
 
-# --- what is said -----------------------------------------------------------------------------------------------------
+# --- verdicts ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("claim", EVERY[1:])

@@ -239,7 +239,7 @@ def hash_of(path: Path) -> str:
 
 @pytest.mark.parametrize(("model", "whose"), [("r", ""), ("", ""), ("other", " of the robot other")])
 def test_pairs_that_moveit_would_compare_are_named(model: str, whose: str, tmp_path: Path) -> None:
-    """MoveIt compares links that its matrix does not let touch, or does not name, whatever robot it is about."""
+    """MoveIt compares links that its matrix does not let touch, or does not name, for any robot."""
     given = files(tmp_path, scene=put(SCENE, "robot_model_name", model))
     scene, motion, request, robot = given
     proof = hdplan.prove(scene, motion, request, robot)
@@ -476,7 +476,7 @@ def test_constraints_are_read_as_hdplan_reads_them(name: str, tmp_path: Path) ->
 
 def test_an_axis_a_little_off_the_vertical_is_kept_within_moveits_tolerances() -> None:
     """However a link is turned whose axis is as far from up or down as a world allows, MoveIt's angles, intrinsic about
-    x, y and z, are within what was asked; and little is given away."""
+    x, y and z, are within the tolerance; and little is given away."""
     rng, frames = np.random.default_rng(0), SimpleNamespace(of=lambda *_: HERE)
     for _ in range(300):
         free, most = str(rng.choice(["x", "z"])), rng.uniform(0.02, 1.4, 3)

@@ -39,8 +39,8 @@ ARM = """<robot name="r">
 
 
 def forged(folder: Path, scene: str, names: list[str], motion: dict[str, object]) -> str:
-    """Verify a proof that says of every pair that one plane keeps it apart, the best one of many at the first row, and
-    claims all that a scene may ask for."""
+    """Verify a proof in which one plane separates each pair, the best one of many at the first row, and which
+    claims all that a scene may require."""
     (folder / "s.yaml").write_text("hdplan: 1\n" + scene)
     (folder / "m.json").write_text(json.dumps({"hdplan_trajectory": 1, "joint_names": names, **motion}))
     files = folder / "s.yaml", folder / "m.json"

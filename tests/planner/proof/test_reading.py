@@ -69,7 +69,7 @@ def test_bodies_that_are_not_compared_have_no_plane(tmp_path: Path) -> None:
     assert read.closest("panda_hand", "nobody", True, 0.0) is None
     assert read.closest("panda_hand", "bar3", False, 0.0) is None
     assert read.closest("panda_hand", "bar3", True, -1.0) is not None
-    with pytest.raises(InputError, match=r"no proof of .*motion.json in .*panda_gate"):
+    with pytest.raises(InputError, match=r"not a proof of .*motion.json in .*panda_gate"):
         ReadProof(find_scene("panda_gate"), motion, hdplan.prove("panda_cage", motion).data)
 
 
@@ -84,7 +84,7 @@ def test_a_proof_s_file_is_checked_within_bounds_before_it_is_read_here(
     monkeypatch.setattr(reading, "verify", ended)
     file = tmp_path / "x.proof"
     file.write_bytes(b"hdplan proof\n")
-    with pytest.raises(InputError, match=r"x.proof: is no proof of .*: needs more time, or more memory"):
+    with pytest.raises(InputError, match=r"x.proof: is not a proof of .*: needs more time, or more memory"):
         ReadProof(find_scene("panda_cage"), tmp_path / "motion.json", file)
 
 

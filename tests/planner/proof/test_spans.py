@@ -1,4 +1,4 @@
-"""Laws of the fast bounds by which planes are looked for: they are the kernel's own, but for rounding."""
+"""Laws of the fast bounds in the search for planes: they equal the kernel's, but for rounding."""
 
 from __future__ import annotations
 

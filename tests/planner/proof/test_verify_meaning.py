@@ -246,7 +246,7 @@ def test_other_goals_and_speeds_are_not_proven(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("own", "usual"), [(0.001, 0.3), (0.02, 0.01), (0.001, 0.01)])
 def test_an_obstacle_may_ask_for_less_than_the_others(own: float, usual: float, tmp_path: Path) -> None:
-    """It is 76 mm away, the other one farther than what is asked; a proof that claims so must keep it."""
+    """One is 76 mm away, the other one farther than required; a proof that claims so must keep it."""
     near = {**SCENE["obstacles"][0], "name": "near", "pose": {"position": [0.85, 0, 1.15]}, "clearance": own}
     content = {"obstacles": [*SCENE["obstacles"], near], "planner": {"clearance": usual}}
     two = files(tmp_path, content)

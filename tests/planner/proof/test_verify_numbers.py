@@ -1,4 +1,4 @@
-"""Laws of numbers that the checker takes in: rotations by quaternions, reaches and tables."""
+"""Laws of the checker's numbers: rotations by quaternions, reaches and tables."""
 
 from __future__ import annotations
 

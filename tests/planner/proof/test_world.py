@@ -41,6 +41,7 @@ from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.verify.compare import check_equal, plain
 
 from ..linkage import linkage_urdf
+from ..urdf import joint_text, link_text, write_robot
 
 World = dict[str, Any]
 
@@ -418,17 +419,11 @@ def test_what_matters_changes_the_world_there(what: str, tmp_path: Path) -> None
 def test_the_first_reason_counts(tmp_path: Path) -> None:
     """Of pairs that are left out for several; a pair to be checked is left out only where it moves as one."""
     links = {"base": "", "a": "base", "a_tip": "a", "b": "a", "c": "b", "d": "c"}
-    text = "".join(
-        f'<link name="{link}"><collision><geometry><sphere radius="0.02"/></geometry></collision></link>'
-        for link in links
-    )
-    for link, parent in [each for each in links.items() if each[1]]:
-        kind, at = ("fixed", "0 0.1 0") if link == "a_tip" else ("continuous", "0.05 0 0.15")
-        text += (
-            f'<joint name="to_{link}" type="{kind}"><parent link="{parent}"/><child link="{link}"/>'
-            f'<origin xyz="{at}"/></joint>'
-        )
-    (tmp_path / "r.urdf").write_text(f'<robot name="r">{text}</robot>')
+    parts = [link_text(name, sphere=0.02) for name in links]
+    for name, parent in [each for each in links.items() if each[1]]:
+        kind, at = ("fixed", "0 0.1 0") if name == "a_tip" else ("continuous", "0.05 0 0.15")
+        parts.append(joint_text(f"to_{name}", parent, name, "1 0 0", kind=kind, at=at))
+    write_robot(tmp_path / "r.urdf", *parts)
     off = (("a", "a_tip"), ("a", "b"), ("b", "c"), ("b", "d"), ("a", "d"), ("base", "c"))
     text = "".join(f'<disable_collisions link1="{a}" link2="{b}" reason="Never"/>' for a, b in off)
     (tmp_path / "r.srdf").write_text(f'<robot name="r">{text}</robot>')

@@ -20,7 +20,7 @@ LOOKS = 4  # in a period
 
 
 class AtOnce(Executor):
-    """Does its work when it is asked for."""
+    """Does its work on request."""
 
     def submit(self, work: Callable[..., Any], /, *args: Any, **named: Any) -> Future[Any]:
         future = Future[Any]()

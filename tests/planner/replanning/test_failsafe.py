@@ -17,6 +17,7 @@ H, LEAD = 0.02, 3
 
 
 @pytest.mark.core
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_they_keep_the_limits_from_whatever_came_before(seed: int) -> None:
     rng = np.random.default_rng(seed)

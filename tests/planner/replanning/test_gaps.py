@@ -42,8 +42,8 @@ def test_links_that_are_not_measured_are_farther_than_the_closest() -> None:
 
 
 def test_a_gap_that_is_not_measured_is_no_smaller_than_stated() -> None:
-    """A robot at its greatest speeds among all that moves in a world: contact, and each distance below what is asked,
-    is found when it is there, though most distances are not measured."""
+    """A robot at its greatest speeds among all that moves in a world: every contact and each distance
+    below the threshold are found, though most distances are not measured."""
     scene, _ = worlds.scene_of(3)
     judge = worlds.Judge(Setup.of(scene).robot)
     gaps, world, rng = worlds.Gaps(judge), worlds.World(3), np.random.default_rng(3)

@@ -138,7 +138,9 @@ def test_a_step_that_takes_longer_than_its_period_changes_nothing() -> None:
 def test_pictures_that_are_from_the_future_old_or_missing_stop_the_robot() -> None:
     ball = hdplan.Obstacle("ball", hdplan.Sphere(0.1), [3.0, 0.0, 0.0], uncertainty=hdplan.Uncertainty(speed=0.5))
     drive = Drive(limited("planar_arm"))
-    drive.replanner.update([ball], at=10.0)
+    with pytest.raises(hdplan.InputError, match="at: must be no later than now, 0 s, found 10 s"):
+        drive.replanner.update([ball], at=10.0)  # no true one would be later
+    drive.replanner.update([ball], at=PERIOD)
     assert "after this step" in drive.step().why
     drive = Drive(limited("planar_arm"))
     drive.replanner.update([ball], at=0.0)
@@ -209,12 +211,12 @@ def test_bad_input_is_refused_in_one_line_and_changes_nothing() -> None:
         (lambda: replanner.state([0.0, 0.0], [0.0, 99.0]), "dq: joint '.*' is at 99, its limit is 2"),
         (lambda: replanner.state([9.0, 0.0], [0.0, 0.0]), "q: joint '.*' is at 9, its range is"),
         (lambda: replanner.update([ball], at=nan), "at: must be a finite time"),
-        (lambda: replanner.update([ball, ball], at=1.0), "names must differ"),
-        (lambda: replanner.update([timed], at=1.0), "poses at known times"),
-        (lambda: replanner.update(poses={"bell": [0, 0, 0]}, at=1.0), "unknown obstacle 'bell'.*ball"),
-        (lambda: replanner.update(poses={"ball": [0, nan, 0]}, at=1.0), "poses.ball"),
-        (lambda: replanner.update(cloud=ball, at=1.0), "cloud: must be a Cloud"),
-        (lambda: replanner.update(cloud="scan", at=1.0), "cloud"),
+        (lambda: replanner.update([ball, ball], at=0.3), "names must differ"),
+        (lambda: replanner.update([timed], at=0.3), "poses at known times"),
+        (lambda: replanner.update(poses={"bell": [0, 0, 0]}, at=0.3), "unknown obstacle 'bell'.*ball"),
+        (lambda: replanner.update(poses={"ball": [0, nan, 0]}, at=0.3), "poses.ball"),
+        (lambda: replanner.update(cloud=ball, at=0.3), "cloud: must be a Cloud"),
+        (lambda: replanner.update(cloud="scan", at=0.3), "cloud"),
         (lambda: replanner.step(10**400), "t: must be a finite time"),
         (lambda: before.at(nan), "t: must be .* the command's, or later, found nan"),
         (lambda: before.at(["soon"]), "t: must be"),
@@ -230,9 +232,13 @@ def test_bad_input_is_refused_in_one_line_and_changes_nothing() -> None:
     after = drive.step()
     np.testing.assert_array_equal(before.position, after.position)
     assert drive.arrives(within=6.0)
-    replanner.update([ball], at=1.0)
-    with pytest.raises(hdplan.InputError, match="at: must be no earlier than the last picture, 1 s"):
-        replanner.update([ball], at=0.5)
+    replanner.update([ball], at=drive.now)
+    with pytest.raises(hdplan.InputError, match=f"at: must be no earlier than the last picture, {drive.now:g} s"):
+        replanner.update([ball], at=drive.now - 0.1)
+    replanner.close()
+    for call in (drive.step, lambda: replanner.aim(scene.start)):
+        with pytest.raises(hdplan.InputError, match="the replanner is closed: its last command stays safe"):
+            call()
 
 
 @pytest.mark.parametrize("name", ["ur5_ceiling", "panda_carry"])
@@ -319,7 +325,9 @@ def test_states_of_the_future_and_older_ones_move_nothing() -> None:
     while not drive.commands or not drive.commands[-1].velocity.any():
         drive.period()
     q = drive.commands[-1].position
-    drive.replanner.state(q + 0.1, [0.0, 0.0], at=drive.now + 60.0)  # the robot moves, and does not stand there
+    with pytest.raises(hdplan.InputError, match="at: must be no later than now, "):
+        drive.replanner.state(q, [0.0, 0.0], at=drive.now + 60.0)
+    drive.replanner.state(q + 0.1, [0.0, 0.0], at=drive.now + PERIOD)  # the robot moves, and does not stand there
     command = drive.step()
     np.testing.assert_allclose(command.position, q, atol=0.1)
     assert command.velocity.any()

@@ -13,6 +13,7 @@ import pytest
 import trimesh
 
 import hdplan
+from hdplan.distance.compiled.cache import content_key
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh
@@ -25,6 +26,8 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.robot_files.link_pairs import link_pair
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
+
+from ..urdf import joint_text, link_text, write_robot
 
 SHAPES = (
     "<sphere radius='{a}'/>",
@@ -124,43 +127,30 @@ def test_a_pair_that_is_only_sampled_fails_with_its_name_and_the_remedy(tmp_path
     half = trimesh.creation.icosphere(3, 0.3)
     half.update_faces(half.triangles_center[:, 2] > 0.0)
     half.export(tmp_path / "bowl.stl")
-    link = "<link name='{0}'><collision><geometry><mesh filename='bowl.stl'/></geometry></collision></link>"
-    joint = (
-        "<joint name='{0}' type='revolute'><parent link='{1}'/><child link='{2}'/><origin xyz='.1 0 0'/>"
-        "<axis xyz='0 0 1'/><limit lower='-1' upper='1' effort='1' velocity='1'/></joint>"
-    )
-    parts = link.format("base") + "<link name='between'/>" + link.format("tip")
-    parts += joint.format("a", "base", "between") + joint.format("b", "between", "tip")
-    (tmp_path / "bowls.urdf").write_text(f"<robot name='bowls'>{parts}</robot>")
-    spec = RobotSpec(urdf=tmp_path / "bowls.urdf")
+    links = link_text("base", mesh="bowl.stl"), link_text("between"), link_text("tip", mesh="bowl.stl")
+    joints = joint_text("a", "base", "between", at=".1 0 0"), joint_text("b", "between", "tip", at=".1 0 0")
+    spec = RobotSpec(urdf=write_robot(tmp_path / "bowls.urdf", *links, *joints))
     robot = load_robot(spec)
     assert robot.doubtful == robot.self_pairs == (("base", "tip"),)
-    assert any("each of 1000 sampled configurations, which is no proof" in note for note in robot.notes)
+    assert any("each of 1000 sampled configurations, which is not a proof" in note for note in robot.notes)
     with pytest.raises(hdplan.InputError, match=r"links base and tip touch at each of 1000 .* robot\.ignore_pairs"):
         hdplan.plan(Scene(robot=spec, start=[0.0, 0.0], goal=[0.5, 0.5]))
-    allowed = RobotSpec(urdf=tmp_path / "bowls.urdf", ignore_pairs=[("base", "tip")])
+    allowed = RobotSpec(urdf=spec.urdf, ignore_pairs=[("base", "tip")])
     assert hdplan.plan(Scene(robot=allowed, start=[0.0, 0.0], goal=[0.5, 0.5])).certificate.certified
 
 
 def kept_robot(folder: Path, axis: str = "0 .6 .8") -> Robot:
     """Two links that touch always, a third that does in most places."""
-    links = "".join(
-        f"<link name='l{i}'><collision><geometry><sphere radius='{r}'/></geometry></collision></link>"
-        for i, r in enumerate((0.2, 0.01, 0.2, 0.1))
-    )
-    joints = "".join(
-        f"<joint name='j{i}' type='revolute'><parent link='l{i - 1}'/><child link='l{i}'/><origin xyz='0.0{i} 0 0'/>"
-        f"<axis xyz='{axis}'/><limit lower='-1' upper='1' velocity='1' effort='1'/></joint>"
-        for i in (1, 2, 3)
-    )
-    (folder / "kept.urdf").write_text(f"<robot name='kept'>{links}{joints}</robot>")
-    return load_robot(RobotSpec(urdf=folder / "kept.urdf"))
+    links = (link_text(f"l{i}", sphere=radius) for i, radius in enumerate((0.2, 0.01, 0.2, 0.1)))
+    joints = (joint_text(f"j{i}", f"l{i - 1}", f"l{i}", axis, at=f"0.0{i} 0 0") for i in (1, 2, 3))
+    return load_robot(RobotSpec(urdf=write_robot(folder / "kept.urdf", *links, *joints)))
 
 
 def test_what_was_proven_is_kept_and_a_damaged_entry_is_not_believed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whole, the entry is read instead of proven again; cut anywhere, or changed, it is as if it were not there."""
+    """Whole, the entry is read instead of proven again; cut anywhere, changed, or of another structure under a checksum
+    of its own, it is as if it were not there."""
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
     proofs = []
 
@@ -176,9 +166,10 @@ def test_what_was_proven_is_kept_and_a_damaged_entry_is_not_believed(
     assert len(proofs) == 1
     assert kept_robot(tmp_path).unchecked == first.unchecked
     assert len(proofs) == 1
-    for count, damaged in enumerate(
-        [whole[: len(whole) // 2], whole[:-1], b"", whole.replace(b"l0", b"l1"), whole + b" "], start=2
-    ):
+    cut = [whole[: len(whole) // 2], whole[:-1], b"", whole.replace(b"l0", b"l1"), whole + b" "]
+    others = ["[]", "5", "null", '{"a": 1}', "[[5], []]", '[[["l0"]], []]', '[[[["l0"], "l2"]], []]']
+    planted = [f"{content_key(other)}\n{other}".encode() for other in others]
+    for count, damaged in enumerate([*cut, *planted], start=2):
         entry.write_bytes(damaged)
         assert kept_robot(tmp_path).unchecked == first.unchecked
         assert len(proofs) == count
@@ -192,13 +183,13 @@ def test_an_entry_is_of_one_robot_alone(tmp_path: Path, monkeypatch: pytest.Monk
     ring.export(tmp_path / "a.stl")
     kept_robot(tmp_path)
     text = (tmp_path / "kept.urdf").read_text()
-    mesh = text.replace("<sphere radius='0.01'/>", "<mesh filename='a.stl' scale='.01 .01 .01'/>")
+    mesh = text.replace('<sphere radius="0.01"/>', '<mesh filename="a.stl" scale=".01 .01 .01"/>')
     changes = [
-        text.replace("radius='0.01'", "radius='0.02'"),
+        text.replace('radius="0.01"', 'radius="0.02"'),
         text.replace("0.02 0 0", "0.02 0 1e-9"),
         text.replace("0 .6 .8", "0 .8 .6", 1),
-        text.replace("upper='1'", "upper='1.5'", 1),
-        text.replace("<collision>", "<collision><origin xyz='0 0 1e-9'/>", 1),
+        text.replace('upper="1.0"', 'upper="1.5"', 1),
+        text.replace('<origin xyz="0 0 0"', '<origin xyz="0 0 1e-9"', 1),
         mesh,
         mesh,
     ]

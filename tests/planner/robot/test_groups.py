@@ -28,6 +28,8 @@ from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget, PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
+from ..urdf import joint_text, link_text, write_robot
+
 LIFT = ("root", "lift", "column", "prismatic", (0.0, 0.0, 0.2))
 JOINTS = [  # parent, joint, child, kind, place in the parent
     ("root", "mount", "shelf_foot", "fixed", (1.0, 2.0, 0.0)),
@@ -76,17 +78,12 @@ START = {joint: 0.05 + 0.02 * i for i, joint in enumerate(MOVABLE)}
 @pytest.fixture
 def two_arms(tmp_path: Path) -> RobotSpec:
     """Two arms on a lift."""
-    shape = '<collision><geometry><box size="0.3 0.05 0.05"/></geometry></collision>'
-    links = {"root", *(child for _, _, child, _, _ in JOINTS)}
-    text = [f'<link name="{link}">{shape if link.endswith(("1", "2")) else ""}</link>' for link in sorted(links)]
-    for parent, joint, child, kind, (x, y, z) in JOINTS:
+    links = sorted({"root", *(child for _, _, child, _, _ in JOINTS)})
+    parts = [link_text(name, box="0.3 0.05 0.05" if name.endswith(("1", "2")) else "") for name in links]
+    for parent, name, child, kind, place in JOINTS:
         turn = "0.1 0.2 0.3" if kind == "fixed" else "0 0 0"
-        limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/><axis xyz="0 0 1"/>' if kind != "fixed" else ""
-        text.append(
-            f'<joint name="{joint}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-            f'<origin xyz="{x} {y} {z}" rpy="{turn}"/>{limit}</joint>'
-        )
-    (tmp_path / "pair.urdf").write_text(f'<robot name="pair">{"".join(text)}</robot>')
+        parts.append(joint_text(name, parent, child, kind=kind, at=" ".join(map(str, place)), rpy=turn))
+    write_robot(tmp_path / "pair.urdf", *parts)
     (tmp_path / "pair.srdf").write_text(f'<robot name="pair">{GROUPS}</robot>')
     return RobotSpec(urdf=tmp_path / "pair.urdf", srdf=tmp_path / "pair.srdf")
 
@@ -298,7 +295,7 @@ def test_frames_of_the_scene_hang_on_others(moveit: Loading, tmp_path: Path) -> 
 
 
 def test_joints_may_be_named_instead_of_a_group(two_arms: RobotSpec) -> None:
-    """With an SRDF or without; in the robot's order, whatever the list's; what is not one of them is refused."""
+    """With or without an SRDF, in the robot's order, not the list's; an unknown name is refused."""
     for spec in (two_arms, replace(two_arms, srdf=None)):
         for group in (("left_a", "right_b"), ["right_b", "left_a"]):
             robot = load_robot(replace(spec, group=group))

@@ -25,6 +25,8 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
+from ..urdf import joint_text, link_text, robot_text
+
 BASE = PlanarBase(x=(-2.0, 2.0), y=(-1.0, 1.0), yaw=(-3.0, 3.0))
 STANDING = Pose.from_rpy((0.3, -0.2, 0.1), (0.0, 0.0, 0.5))
 
@@ -100,10 +102,11 @@ def test_what_a_base_cannot_be_is_refused(tmp_path: Path) -> None:
 # --- joints without limits ----------------------------------------------------------------------------------------
 
 
-ROUND = """<robot name="round">
- <link name="base"><collision><geometry><sphere radius="0.05"/></geometry></collision></link>
- <link name="arm"><collision><origin xyz="0.5 0 0"/><geometry><box size="0.4 0.05 0.05"/></geometry></collision></link>
- <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint></robot>"""
+ROUND = robot_text(
+    link_text("base", sphere=0.05),
+    link_text("arm", box="0.4 0.05 0.05", at="0.5 0 0"),
+    joint_text("turn", "base", "arm", kind="continuous"),
+)
 
 
 @pytest.fixture
@@ -113,7 +116,7 @@ def spec(tmp_path: Path) -> RobotSpec:
 
 
 def test_joints_without_limits_go_the_short_way_round(spec: RobotSpec) -> None:
-    """From any start to any goal by at most half a turn; it is said where the value is not the one that was given."""
+    """From any start to any goal by at most half a turn; a note gives the value where it differs from the scene's."""
     rng = np.random.default_rng(2)
     for start, goal in rng.uniform(-20.0, 20.0, (200, 2)).tolist():
         setup = Setup.of(Scene(robot=spec, start=[start], goal=[goal]))

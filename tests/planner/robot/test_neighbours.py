@@ -17,6 +17,8 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 
+from ..urdf import joint_text, link_text, write_robot
+
 
 def random_tree(rng: np.random.Generator, folder: Path) -> tuple[RobotSpec, dict[int, tuple[int, bool]], set[int]]:
     """A robot of small balls a metre apart, its SRDF empty; for each link but the first its parent, and whether the
@@ -25,8 +27,7 @@ def random_tree(rng: np.random.Generator, folder: Path) -> tuple[RobotSpec, dict
     shaped = {i for i in range(count) if rng.uniform() < 0.6}
     parents, parts, held = dict[int, tuple[int, bool]](), [], {}
     for i in range(count):
-        ball = "<collision><geometry><sphere radius='0.01'/></geometry></collision>" if i in shaped else ""
-        parts.append(f"<link name='l{i}'>{ball}</link>")
+        parts.append(link_text(f"l{i}", sphere=0.01 if i in shaped else None))
     for i in range(1, count):
         parent = int(rng.integers(max(0, i - 3), i))
         kind = rng.choice(["fixed", "revolute", "prismatic", "continuous"])
@@ -34,20 +35,15 @@ def random_tree(rng: np.random.Generator, folder: Path) -> tuple[RobotSpec, dict
         parents[i] = parent, kind != "fixed" and not locked
         if locked:
             held[f"j{i}"] = 0.1
-        x, y, z = rng.normal(size=3)
-        parts.append(
-            f"<joint name='j{i}' type='{kind}'><parent link='l{parent}'/><child link='l{i}'/>"
-            f"<origin xyz='{x} {y} {z}'/><axis xyz='0 0 1'/>"
-            "<limit lower='-1' upper='1' effort='1' velocity='1'/></joint>"
-        )
-    path = folder / f"tree{rng.integers(1 << 30)}.urdf"
-    path.write_text(f"<robot name='tree'>{''.join(parts)}</robot>")
+        at = " ".join(map(str, rng.normal(size=3)))
+        parts.append(joint_text(f"j{i}", f"l{parent}", f"l{i}", kind=str(kind), at=at))
+    path = write_robot(folder / f"tree{rng.integers(1 << 30)}.urdf", *parts)
     path.with_suffix(".srdf").write_text("<robot name='tree'/>")
     return RobotSpec(urdf=path, srdf=path.with_suffix(".srdf"), locked=held), parents, shaped
 
 
 def way(a: int, b: int, parents: dict[int, tuple[int, bool]]) -> tuple[int, set[int]]:
-    """How many joints move between two links, and which links are between: by walking up from the later one, which is
+    """The number of joints that move between two links, and the links on the way: from the later one up, which is
     never an ancestor of the other."""
     moving, between, ends = 0, set(), {a, b}
     while a != b:
@@ -84,22 +80,20 @@ def test_neighbours_have_one_moving_joint_and_no_geometry_between(tmp_path: Path
     assert min(seen.values()) > 10, seen
 
 
-ARM = """<robot name="arm">
- <link name="base"><collision><origin xyz="0.5 0 0"/><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
- <link name="yoke"/>
- <link name="arm"><collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.05 0.05"/></geometry></collision></link>
- <joint name="pan" type="revolute"><parent link="base"/><child link="yoke"/><axis xyz="0 0 1"/>
-  <limit lower="-3" upper="3" velocity="2" effort="10"/></joint>
- <joint name="lift" type="revolute"><parent link="yoke"/><child link="arm"/><axis xyz="0 1 0"/>
-  <limit lower="-3" upper="3" velocity="2" effort="10"/></joint>
-</robot>"""
+ARM = (
+    link_text("base", box="0.2 0.2 0.2", at="0.5 0 0"),
+    link_text("yoke"),
+    link_text("arm", box="1 0.05 0.05", at="0.5 0 0"),
+    joint_text("pan", "base", "yoke", limits=(-3, 3), velocity=2, effort=10),
+    joint_text("lift", "yoke", "arm", "0 1 0", limits=(-3, 3), velocity=2, effort=10),
+)
 
 
 @pytest.mark.parametrize("held", [None, "lift"])
 def test_an_arm_sweeps_through_its_base_unless_one_joint_alone_joins_them(held: str | None, tmp_path: Path) -> None:
-    """Two joints and a link without geometry between: a contact, named. With one of them held they are neighbours."""
-    (tmp_path / "arm.urdf").write_text(ARM)
-    spec = RobotSpec(urdf=tmp_path / "arm.urdf", locked={} if held is None else {held: 0.0})
+    """Two joints with a bare link between them make a named contact. With one of them held they are neighbours."""
+    urdf = write_robot(tmp_path / "arm.urdf", *ARM)
+    spec = RobotSpec(urdf=urdf, locked={} if held is None else {held: 0.0})
     robot = load_robot(spec)
     ends = np.zeros((2, robot.n))
     ends[:, 0] = -1.0, 1.0

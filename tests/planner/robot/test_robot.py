@@ -1,4 +1,4 @@
-"""Robots: names, planned and locked joints, limits, pairs, and what is said when something is wrong."""
+"""Robots: names, planned and locked joints, limits, pairs, and the messages when something is wrong."""
 
 from __future__ import annotations
 
@@ -30,6 +30,8 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.targets import JointTarget
 
+from ..urdf import joint_text, link_text, robot_text, write_robot
+
 ARMS = {"panda": 7, "ur3_gripper": 6, "ur5": 6, "ur5_gripper": 6, "ur10": 6, "xarm7": 7, "kinova": 6, "z1": 6}
 FINGERS = {"panda_finger_joint1": 0.065, "panda_finger_joint2": 0.065}  # beyond the URDF's 0.04
 READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
@@ -59,17 +61,11 @@ def _file(folder: Path, kind: str = "revolute", offset: float = 1.0) -> Path:
 
 def axes(folder: Path, spans: list[tuple[str, float, float]]) -> Robot:
     """A chain of joints along z, one for each kind and span; a long bed, and a block behind the last joint."""
-    box = "<collision><geometry><box size='{}'/></geometry></collision>"
-    parts = [f"<link name='l0'>{box.format('9 1 0.1')}</link>"]
+    parts = [link_text("l0", box="9 1 0.1")]
     for i, (kind, low, high) in enumerate(spans, 1):
-        shape = box.format("0.2 0.2 0.2") if i == len(spans) else ""
-        parts.append(
-            f"<link name='l{i}'>{shape}</link><joint name='j{i}' type='{kind}'><axis xyz='1 0 0'/>"
-            f"<parent link='l{i - 1}'/><child link='l{i}'/>"
-            f"<limit lower='{low}' upper='{high}' effort='1' velocity='1'/></joint>"
-        )
-    (folder / "axes.urdf").write_text(f"<robot name='axes'>{''.join(parts)}</robot>")
-    return load_robot(RobotSpec(urdf=folder / "axes.urdf"))
+        parts.append(link_text(f"l{i}", box="0.2 0.2 0.2" if i == len(spans) else ""))
+        parts.append(joint_text(f"j{i}", f"l{i - 1}", f"l{i}", "1 0 0", kind=kind, limits=(low, high)))
+    return load_robot(RobotSpec(urdf=write_robot(folder / "axes.urdf", *parts)))
 
 
 @pytest.fixture(scope="module")
@@ -293,35 +289,28 @@ def test_limits_make_room_for_a_named_state_that_lies_a_little_beyond(
 def test_links_are_distinguished_whatever_they_are_called(tmp_path: Path) -> None:
     """A held joint is taken out of Pinocchio's model, in which a link may have the joint's name."""
     file, names = tmp_path / "arm.urdf", ("base", "a (link)", "a")
-    body = "<collision><geometry><sphere radius='0.1'/></geometry></collision>"
-    links = "".join(f"<link name='{name}'>{body}</link>" for name in names)
-    joints = "".join(
-        f"<joint name='{joint}' type='continuous'><origin xyz='1 0 0'/><parent link='{one}'/><child link='{other}'/>"
-        "</joint>"
-        for joint, one, other in (("b", "base", "a (link)"), ("a", "a (link)", "a"))
-    )
-    file.write_text(f"<robot name='arm'>{links}{joints}</robot>")
+    links = [link_text(name, sphere=0.1) for name in names]
+    joints = [
+        joint_text(name, one, other, kind="continuous", at="1 0 0")
+        for name, one, other in (("b", "base", "a (link)"), ("a", "a (link)", "a"))
+    ]
+    write_robot(file, *links, *joints)
     assert load_robot(RobotSpec(urdf=file)).links == names
     assert load_robot(RobotSpec(urdf=file, locked={"b": 0.3})).links == names
-    foot = "<link name='floor'/><joint name='base' type='fixed'><parent link='floor'/><child link='base'/></joint>"
-    file.write_text(f"<robot name='arm'>{links}{joints}{foot}</robot>")
+    write_robot(file, *links, *joints, link_text("floor"), joint_text("base", "floor", "base", kind="fixed"))
     assert load_robot(RobotSpec(urdf=file, locked={"a": 0.3})).links == names
 
 
 def test_a_robot_is_loaded_once_until_its_files_change(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
-    text = (
-        '<robot name="arm"><link name="base"/><link name="arm"><collision><geometry>'
-        '<box size="0.1 0.1 0.4"/></geometry></collision></link>'
-        '<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>'
-        '<axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
-    )
+    turn = joint_text("turn", "base", "arm", "1 0 0")
+    text = robot_text(link_text("base"), link_text("arm", box="0.1 0.1 0.4"), turn, name="arm")
     file.write_text(text)
     ends = JointTarget("start", (0.0,)), JointTarget("goal", (0.5,))
     first = load_scene_robot(_scene(RobotSpec(urdf=file), *ends))
     assert load_scene_robot(_scene(RobotSpec(urdf=file), *ends)) is first
     assert load_scene_robot(_scene(RobotSpec(urdf=file, base=Pose((0.0, 0.0, 1.0))), *ends)) is not first
-    file.write_text(text.replace('upper="1"', 'upper="1.25"'))
+    file.write_text(text.replace('upper="1.0"', 'upper="1.25"'))
     assert load_scene_robot(_scene(RobotSpec(urdf=file), *ends)).upper == 1.25
 
 
@@ -530,13 +519,9 @@ def test_pairs_that_the_scene_asks_to_check_are_checked_whatever_the_srdf_says()
 
 
 def test_a_pair_that_always_touches_and_is_to_be_checked_is_in_contact(tmp_path: Path) -> None:
-    """What is asked for is not left out because it was found to touch everywhere."""
-    box = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
-    joint = '<joint name="j{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><axis xyz="0 0 1"/>'
-    joint += '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-    links = "".join(f'<link name="{name}">{box}</link>' for name in "abc")
-    urdf = tmp_path / "r.urdf"
-    urdf.write_text(f'<robot name="r">{links}{joint.format(1, "a", "b")}{joint.format(2, "b", "c")}</robot>')
+    """A pair of the scene's is not left out because its bodies touch everywhere."""
+    links = (link_text(name, box="1 1 1") for name in "abc")
+    urdf = write_robot(tmp_path / "r.urdf", *links, joint_text("j1", "a", "b"), joint_text("j2", "b", "c"))
     assert load_robot(RobotSpec(urdf=urdf)).self_pairs == ()
     pairs = (("a", "b"), ("a", "c"))
     checked = RobotSpec(urdf=urdf, check_pairs=pairs)

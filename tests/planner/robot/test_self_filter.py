@@ -29,6 +29,8 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Mesh, Sphere
 
+from ..urdf import joint_text, link_text, write_robot
+
 START = [-0.5, 0.3, 0.0, -1.8, 0.0, 2.1, 0.785]
 TURNED = Pose((0.1, -0.2, 0.05), (0.1, 0.3, -0.3, 0.9))
 
@@ -157,13 +159,6 @@ def test_the_motion_is_certified_with_the_points_that_are_kept() -> None:
     assert any(f"{len(own)} within 11 mm of the robot" in note for note in result.notes)
 
 
-ARM = """<robot name="one">
-<link name="base"/>
-<link name="arm"><collision><geometry><mesh filename="arm.stl"/></geometry></collision></link>
-<joint name="a" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
-<limit lower="-3" upper="3" velocity="1" effort="1"/></joint></robot>"""
-
-
 def open_cube(file: Path) -> None:
     """A cube of 0.4 m without its upper side."""
     cube = trimesh.creation.box((0.4, 0.4, 0.4))
@@ -175,7 +170,8 @@ def test_points_in_an_open_link_are_left_out_and_in_an_open_box_they_stay(tmp_pa
     """The certificate takes what an open link surrounds by more than half for contact; in an open box something may
     lie."""
     open_cube(tmp_path / "arm.stl")
-    (tmp_path / "one.urdf").write_text(ARM)
+    turn = joint_text("a", "base", "arm", limits=(-3, 3))
+    write_robot(tmp_path / "one.urdf", link_text("base"), link_text("arm", mesh="arm.stl"), turn)
     local = np.random.default_rng(4).uniform(-0.15, 0.15, size=(40, 3))
     local[:, 2] -= 0.03  # below the opening: in the mesh by more than half, and far from it
     far = np.array([[2.0, 0.0, 0.0], [np.nan, 0.0, 0.0]])
@@ -215,7 +211,7 @@ def test_what_an_image_saw_out_of_range_is_counted() -> None:
 @pytest.mark.parametrize(
     ("cloud", "words"),
     [
-        ({"ignore_robot": 1.0}, "obstacles.view.cloud: all of its 1 points are to be ignored"),
+        ({"ignore_robot": 1.0}, "obstacles.view.cloud: all of its 1 points would be ignored"),
         (
             {"ignore": Ignored(0.1, link="panda_hund")},
             r"cloud.ignore\[0\].link: unknown link .*mean 'panda_hand'",

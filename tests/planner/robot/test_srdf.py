@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import coal
 import numpy as np
@@ -24,6 +25,8 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import SelfCollision
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
+
+from ..urdf import joint_text, link_text, write_robot
 
 SHAPES = ("<sphere radius='{r}'/>", "<box size='{r} {s} {s}'/>", "<cylinder radius='{r}' length='{s}'/>")
 
@@ -127,18 +130,18 @@ def test_an_srdf_written_and_read_back_gives_the_same_pairs(tmp_path: Path) -> N
     assert min(reasons.values()) > 3, reasons
 
 
-ARM = """<robot name="arm"><link name="base"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
- <link name="upper"/><link name="tip"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
- <joint name="a" type="revolute"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.5"/>
-  <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
- <joint name="b" type="revolute"><parent link="upper"/><child link="tip"/><axis xyz="0 0 1"/>
-  <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+ARM = (
+    link_text("base", sphere=0.1),
+    link_text("upper"),
+    link_text("tip", sphere=0.1),
+    joint_text("a", "base", "upper", at="0 0 0.5"),
+    joint_text("b", "upper", "tip"),
+)
 
 
 def test_pairs_that_never_touch_are_checked_where_more_is_required(tmp_path: Path) -> None:
     """Links 0.3 m apart at every configuration are not 0.4 m apart."""
-    (tmp_path / "arm.urdf").write_text(ARM)
-    spec = RobotSpec(urdf=tmp_path / "arm.urdf")
+    spec = RobotSpec(urdf=write_robot(tmp_path / "arm.urdf", *ARM))
     assert load_robot(spec).unchecked == {("base", "tip"): NEVER_TOUCHING}
     motion = Trajectory(("a", "b"), np.array([[0.0, 0.0], [0.5, 0.5]]))
     for clearance, certified in ((0.0, True), (0.25, True), (0.4, False)):
@@ -152,8 +155,7 @@ def test_pairs_that_never_touch_are_checked_where_more_is_required(tmp_path: Pat
 
 
 def test_the_command_writes_the_file_whole_or_not_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "arm.urdf").write_text(ARM)
-    robot, out = str(tmp_path / "arm.urdf"), tmp_path / "arm.srdf"
+    robot, out = str(write_robot(tmp_path / "arm.urdf", *ARM)), tmp_path / "arm.srdf"
     for name, target, message in (
         (robot, tmp_path / "arm.xml", r"ending '\.xml', allowed are \.srdf"),
         (robot, tmp_path / "no" / "arm.srdf", "does not exist"),
@@ -180,15 +182,15 @@ def test_the_command_writes_the_file_whole_or_not_at_all(tmp_path: Path, capsys:
 
 def test_a_pair_that_touches_only_while_a_hand_is_held_stays_checked_in_the_srdf(tmp_path: Path) -> None:
     """A finger, held closed by default, touches the other always; opened it does not."""
-    finger = (
-        '<link name="{0}"><collision><geometry><box size="0.02 0.02 0.1"/></geometry></collision></link>'
-        '<joint name="finger_{0}" type="prismatic"><parent link="palm"/><child link="{0}"/><axis xyz="{1} 0 0"/>'
-        '<limit lower="0" upper="0.1" effort="1" velocity="1"/></joint>'
+    opening: dict[str, Any] = {"kind": "prismatic", "limits": (0, 0.1)}
+    path = write_robot(
+        tmp_path / "hand.urdf",
+        *map(link_text, ("base", "palm")),
+        *(link_text(side, box="0.02 0.02 0.1") for side in ("left", "right")),
+        joint_text("a", "base", "palm"),
+        joint_text("finger_left", "palm", "left", "1 0 0", **opening),
+        joint_text("finger_right", "palm", "right", "-1 0 0", **opening),
     )
-    text = '<link name="base"/><link name="palm"/><joint name="a" type="revolute"><parent link="base"/>'
-    text += '<child link="palm"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-    path = tmp_path / "hand.urdf"
-    path.write_text(f'<robot name="hand">{text}{finger.format("left", "1")}{finger.format("right", "-1")}</robot>')
     spec = RobotSpec(urdf=path, group=("a", "finger_left"))
     assert ALWAYS_TOUCHING not in load_robot(spec).unchecked.values()
     assert srdf_of(RobotSpec(urdf=path))[1] == {"Adjacent": 0, "Always": 0, "Never": 0}

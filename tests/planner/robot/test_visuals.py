@@ -1,4 +1,4 @@
-"""Visuals are for pictures alone: whatever is wrong with them, the robot is planned, and what is not drawn is said."""
+"""Visuals are for pictures alone: with any fault in them, the robot is planned, and a note names what is not drawn."""
 
 from __future__ import annotations
 

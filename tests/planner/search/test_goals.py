@@ -44,7 +44,7 @@ def placed(robot: Robot, link: str, q: np.ndarray) -> pin.SE3:
 
 
 def target_at(link: str, placement: pin.SE3, free: str) -> PoseTarget:
-    """A link's pose as a target; where any turn will do, there is none to be said."""
+    """A link's pose as a target; without an orientation where any turn will do."""
     pose = pose_of(placement)
     return PoseTarget(link, Pose(pose.position) if free == "all" else pose, free_rotation=free)
 
@@ -193,7 +193,7 @@ def test_the_shipped_grasp_needs_its_free_axis_and_many_starts(monkeypatch: pyte
     np.testing.assert_array_equal(result.trajectory.positions[-1], result.goal.positions)
     assert any(note.startswith("goal chosen of ") for note in result.notes)
 
-    monkeypatch.setattr(goal_search, "DRAWN", 2)
+    monkeypatch.setattr(goal_search, "DRAW_ROUNDS", 2)
     fixed = aimed(scene, dataclasses.replace(target, free_rotation="none"))
     with pytest.raises(
         InputError,
@@ -291,9 +291,10 @@ def bytes_of(result: PlanResult) -> Any:
     return summary, result.trajectory.positions.tobytes(), result.steps
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("name", "link"), [("ur5_table", "tool0"), ("panda_cage", "panda_hand")])
 def test_goals_come_in_turn_as_if_all_had_been_checked(name: str, link: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The best of each target first, then the second ones; some are never asked before the first one is there."""
+    """The best of each target first, then the second ones; some are never computed before the first one is there."""
     scene, rng, calls = load_scene(name), np.random.default_rng(0), []
     robot, free = load_scene_robot(scene), goal_search._free
     monkeypatch.setattr(goal_search, "_free", lambda *given: (calls.append(given), free(*given))[1])

@@ -19,7 +19,7 @@ from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.free_space import free_space, is_free
 from hdplan.planner.search.guesses import Guess
-from hdplan.planner.search.held_trees import STRETCHED, HeldTrees, held_ways
+from hdplan.planner.search.held_trees import LONGEST_STRETCH, HeldTrees, held_ways
 from hdplan.planner.search.search import Search
 from hdplan.planner.solvers.solution import Budget, Solution, Solver, SolverStatus
 from hdplan.planner.timing.retiming import Retimer
@@ -74,7 +74,7 @@ def test_no_line_leaves_a_constraint_or_touches_anything(kind: str, number: int)
         assert (parents[1:] < np.arange(1, len(nodes))).all()
         assert ((nodes >= lower) & (nodes <= upper)).all()
         for first, last in zip(nodes[1:60], nodes[parents[1:60]], strict=True):
-            assert np.linalg.norm(last - first) <= STRETCHED * trees.step + 1e-12
+            assert np.linalg.norm(last - first) <= LONGEST_STRETCH * trees.step + 1e-12
             assert most_used(problem, first + np.linspace(0.0, 1.0, 17)[:, None] * (last - first)) <= 1.0
             assert is_free(space, first, last)
     assert max(map(len, trees.nodes)) > 9

@@ -118,7 +118,7 @@ def test_a_search_finds_the_same_motion_with_and_without_an_idle_core(
 ) -> None:
     """In a scene whose way trees of free lines find, as they have their turn early; and a batch leaves the other cores
     to its other problems."""
-    monkeypatch.setattr(trying, "LOOSE", 2)
+    monkeypatch.setattr(trying, "TREES_AFTER_LOOSE", 2)
     monkeypatch.setattr(trying, "AHEAD_AFTER", 1)
     begun = []
     real = idle_core.Ahead.begin
@@ -133,7 +133,7 @@ def test_a_search_finds_the_same_motion_with_and_without_an_idle_core(
     scene = hdplan.load_scene(file)
     with_it = hdplan.plan(scene)
     assert with_it.certified
-    assert with_it.attempts > trying.LOOSE
+    assert with_it.attempts > trying.TREES_AFTER_LOOSE
     assert any(pool is not None for pool in begun)
     begun.clear()
     with one_core():

@@ -41,7 +41,7 @@ def pose_of(robot: Robot, link: str, q: np.ndarray) -> Pose:
     return Pose(tuple(place.translation.tolist()), tuple(quaternion.tolist()))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.skipif(not library(), reason="built without a C compiler")
 @pytest.mark.parametrize("name", ROBOTS)
 def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,6 +35,8 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 
+from ..urdf import joint_text, link_text, write_robot
+
 ENERGY = 1e-4  # [–] of the work, between sums over steps of 2 ms at most and of 0.05 ms
 RATES = Limits(velocity="urdf", acceleration=15.0, jerk=500.0)
 
@@ -124,6 +126,7 @@ def energy(setup: Setup, motion: Trajectory) -> float:
     return Energy(setup).value(motion.positions, motion)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["ur5_pallet", "ur5_payload", "panda_gate"])
 def test_energy_is_the_work_of_the_torques(name: str) -> None:
     scene = asking(load_scene(name), "energy")
@@ -178,12 +181,8 @@ def test_what_needs_times_is_refused_without(scene: Scene, objective: str, words
 
 
 def test_energy_is_refused_without_masses(tmp_path: Path) -> None:
-    file = tmp_path / "light.urdf"
-    file.write_text(
-        '<robot name="light"><link name="base"/><link name="arm"/><joint name="turn" type="revolute">'
-        '<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/><limit lower="-2" upper="2" velocity="1" '
-        'effort="5"/></joint></robot>',
-        encoding="utf-8",
+    file = write_robot(
+        tmp_path / "light.urdf", *map(link_text, ("base", "arm")), joint_text("turn", "base", "arm", effort=5)
     )
     scene = Scene("light", robot=RobotSpec(urdf=file), start=(0.0,), goal=(1.0,), timing=Timing(duration=2.0))
     result: PlanResult = plan(scene)

@@ -69,6 +69,7 @@ def test_a_plan_from_the_last_one_ends_where_that_ended_if_it_may() -> None:
     assert duration(again) <= 1.05 * duration(last)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("scene", "cost"),
     [

@@ -25,6 +25,8 @@ from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
+from ..urdf import joint_text, link_text, write_robot
+
 EXACT = 1e-12  # [rad]
 COUNT = 9  # examined guesses: every kind of draw comes up
 
@@ -103,17 +105,18 @@ def test_start_and_goal_may_be_one() -> None:
     assert np.ptp(first(problem, 0, 1)[0], axis=0).max() == 0
 
 
-ROUND = """<robot name="round"><link name="base"/><link name="arm"><collision><origin xyz="0.5 0 0"/><geometry>
-<box size="0.4 0.05 0.05"/></geometry></collision></link><joint name="turn" type="continuous"><parent link="base"/>
-<child link="arm"/><axis xyz="0 0 1"/></joint><link name="tip"><collision><origin xyz="0.3 0 0"/><geometry>
-<box size="0.3 0.05 0.05"/></geometry></collision></link><joint name="bend" type="continuous"><parent link="arm"/>
-<child link="tip"/><origin xyz="0.7 0 0"/><axis xyz="0 1 0"/></joint></robot>"""
+ROUND = (
+    link_text("base"),
+    link_text("arm", box="0.4 0.05 0.05", at="0.5 0 0"),
+    link_text("tip", box="0.3 0.05 0.05", at="0.3 0 0"),
+    joint_text("turn", "base", "arm", kind="continuous"),
+    joint_text("bend", "arm", "tip", "0 1 0", kind="continuous", at="0.7 0 0"),
+)
 
 
 def test_guesses_for_joints_without_limits_are_the_same_whole_turns_away(tmp_path: Path) -> None:
     """A start after seven turns is the same place: no guess is pulled back to where the joints are at 0."""
-    (tmp_path / "round.urdf").write_text(ROUND)
-    spec, ends = RobotSpec(urdf=tmp_path / "round.urdf"), np.array([[0.3, 0.1], [1.6, -0.2]])
+    spec, ends = RobotSpec(urdf=write_robot(tmp_path / "round.urdf", *ROUND)), np.array([[0.3, 0.1], [1.6, -0.2]])
     post = Obstacle("post", Box((0.3, 0.3, 1.6)), Pose((0.6, 0.8, 0.3)))
     at_zero, away = (
         build(Scene(robot=spec, obstacles=[post], start=turned[0].tolist(), goal=turned[1].tolist()))

@@ -21,7 +21,7 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.problem.assemble import closer, exactly
 from hdplan.planner.search import guesses as trying
 from hdplan.planner.search.escape import escapes
-from hdplan.planner.search.guesses import EXACT_AFTER, LOOSE, TIGHT, _guesses
+from hdplan.planner.search.guesses import EXACT_AFTER, TREES_AFTER_LOOSE, TREES_AFTER_TIGHT, _guesses
 from hdplan.planner.search.idle_core import IdleCore
 from hdplan.planner.search.roadmap import Roadmap, seeds
 from hdplan.planner.search.search import Search
@@ -57,7 +57,7 @@ def test_the_first_guesses_are_as_ever_then_trees_grow_in_turn(overlap: bool, mo
     ever, problem = seeds(under_way.problem, 5), under_way.problem
     guesses = _guesses(under_way, 5, None, IdleCore(math.inf))
     under_way.best = failing(Status.IN_CONTACT)
-    for _ in range(TIGHT if overlap else LOOSE):
+    for _ in range(TREES_AFTER_TIGHT if overlap else TREES_AFTER_LOOSE):
         np.testing.assert_array_equal(next(guesses).positions, next(ever))
         assert under_way.problem is problem
     exact = seeds(exactly(problem), 5)
@@ -81,7 +81,7 @@ def test_what_fails_by_something_else_goes_on_as_it_was(status: Status, monkeypa
     under_way = search(load_scene("panda_corridor"))
     problem, guesses = under_way.problem, _guesses(under_way, 0, None, IdleCore(math.inf))
     under_way.best = failing(status)
-    for _ in range(LOOSE + 2):
+    for _ in range(TREES_AFTER_LOOSE + 2):
         next(guesses)
         assert under_way.problem is problem
 

@@ -30,7 +30,7 @@ def plain(scene: Scene) -> Scene:
     return dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, polish=0))
 
 
-QUICKLY = ("panda_cage", "panda_carry", "panda_conveyor", "ur5_table")  # the others in the slow lane
+QUICKLY = ("panda_cage", "panda_carry", "ur5_table")  # the others in the slow lane
 
 
 @pytest.mark.parametrize(

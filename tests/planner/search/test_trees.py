@@ -1,5 +1,5 @@
 """Laws of the trees: what they find is free by the certificate and by the oracle at dense samples, the same seed finds
-the same, and what cannot be free is never said to be."""
+the same, and what cannot be free is never reported as free."""
 
 from __future__ import annotations
 

@@ -34,6 +34,8 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Sphere
 from hdplan.scenes.targets import JointTarget
 
+from ..urdf import joint_text, link_text, write_robot
+
 # Derivatives, relative to the largest number compared. Fourth-order differences with steps of STEP: the distance bends
 # over its shaping length of 1 mm, so their error is about (STEP / 1 mm)⁴; rounding adds 1e-16 / STEP.
 STEP, DIFFERENCE = 1e-5, 1e-8
@@ -361,17 +363,12 @@ def symmetric_arm(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     """Four square bars, each its own mirror image, on joints about z, y, x and y; a leaning slab in their way."""
     file = tmp_path_factory.mktemp("arm") / "bars.urdf"
     axes, lengths = ("0 0 1", "0 1 0", "1 0 0", "0 1 0"), (0.12, 0.4, 0.35, 0.25)
-    text, parent, height = '<robot name="bars"><link name="base"/>', "base", 0.2
+    parts, parent, height = [link_text("base")], "base", 0.2
     for k, (axis, length) in enumerate(zip(axes, lengths, strict=True)):
-        text += (
-            f'<link name="bar{k}"><collision><origin xyz="0 0 {length / 2}"/>'
-            f'<geometry><box size="0.05 0.05 {length + 0.05}"/></geometry></collision></link>'
-            f'<joint name="joint{k}" type="revolute"><parent link="{parent}"/><child link="bar{k}"/>'
-            f'<origin xyz="0 0 {height}"/><axis xyz="{axis}"/>'
-            '<limit lower="-2.9" upper="2.9" effort="1" velocity="1"/></joint>'
-        )
+        parts.append(link_text(f"bar{k}", box=f"0.05 0.05 {length + 0.05}", at=f"0 0 {length / 2}"))
+        parts.append(joint_text(f"joint{k}", parent, f"bar{k}", axis, at=f"0 0 {height}", limits=(-2.9, 2.9)))
         parent, height = f"bar{k}", length
-    file.write_text(text + "</robot>")
+    write_robot(file, *parts)
     slab = Obstacle("slab", Box((0.2, 0.12, 0.5)), about((1, 0.3, 1), 0.3, (0.7, 0.05, 0.35)))
     scene = Scene(
         "bars",

@@ -74,6 +74,7 @@ BALL = Obstacle("ball", Sphere(0.08), Pose((0.35, -0.45, 0.6)), motion=SteadyMot
 READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("barriers", [BarrierSettings(), BarrierSettings("euclidean")], ids=["hdsdf", "euclidean"])
 @pytest.mark.parametrize("passing", [False, True], ids=["between walls", "a ball that comes"])
 def test_limits_of_acceleration_make_commands_no_rougher(barriers: BarrierSettings, passing: bool) -> None:

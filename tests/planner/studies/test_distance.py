@@ -1,4 +1,4 @@
-"""Reports of what was measured: tables whole, pictures drawn, interruption said; on numbers made up."""
+"""Reports of measurements: tables whole, pictures drawn, interruptions reported; on invented numbers."""
 
 from __future__ import annotations
 
@@ -56,6 +56,12 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> Study:
     return found
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The picture, which takes the most, is laid out and no more."""
+    monkeypatch.setattr("hdplan.planner.studies.distance.png", lambda figure: b"")
+
+
 def nothing(*_: object) -> bool:
     return False
 
@@ -89,6 +95,7 @@ def test_files_hold_the_whole_study(measured: Study, tmp_path: Path) -> None:
     assert float(cuts[-1]["median_ratio"]) == pytest.approx(0.6 / PIECES[-1])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_interrupted_unions_are_written_and_reported(
     measured: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -99,6 +106,7 @@ def test_interrupted_unions_are_written_and_reported(
     assert "interrupted" in report.files[1].read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_summary_has_a_line_per_rung_and_the_advice(measured: Study, tmp_path: Path) -> None:
     report = study_distance(tmp_path, False, nothing, nothing)
     rows, cuts = report.tables.values()
@@ -111,6 +119,7 @@ def test_the_summary_has_a_line_per_rung_and_the_advice(measured: Study, tmp_pat
 
 
 @pytest.mark.core
+@pytest.mark.usefixtures("undrawn")
 def test_an_interrupted_study_is_written_and_says_so(
     measured: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

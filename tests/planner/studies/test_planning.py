@@ -166,6 +166,12 @@ def test_stopping_keeps_whole_variants() -> None:
     assert 0 < len(found.variants) < len(variants(FEW))
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pictures, which take the most, are laid out and no more."""
+    monkeypatch.setattr("hdplan.planner.studies.planning.png", lambda figure: b"")
+
+
 # --- what is written ----------------------------------------------------------------------------------------------
 
 
@@ -186,6 +192,7 @@ def test_three_files_hold_the_whole_study(measured: Callable[[Runs], None], tmp_
     assert report.files[2].read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_interrupted_study_is_written_and_says_so(measured: Callable[[Runs], None], tmp_path: Path) -> None:
     whole = made_up()
     measured(replace(whole, runs=whole.runs[:12], complete=False))
@@ -235,6 +242,7 @@ def test_names_cover_neither_each_other_nor_the_points(seed: int) -> None:
     assert all(np.all(frame.min <= box.min) and np.all(box.max <= frame.max) for box in boxes)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_scenes_are_named_in_the_report(measured: Callable[[Runs], None], tmp_path: Path) -> None:
     measured(made_up())
     scenes: list[Scene] = []

@@ -1,4 +1,4 @@
-"""What is said of long steps: on a terminal in one line that changes, off it in a line for each, at once."""
+"""Messages of long steps: on a terminal in one line that changes, off it in a line for each, at once."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_a_measurement_says_at_most_every_tenth(errors: io.StringIO, of: int) ->
 
 @pytest.mark.usefixtures("long_at_once")
 def test_counts_add_up_and_an_estimate_waits(errors: io.StringIO, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where a run goes on; how long the rest takes is said once it means something."""
+    """Also where a run is resumed; the remaining time appears once it means something."""
     monkeypatch.setattr(console, "LINE_INTERVAL", 0.0)
     total, before, enough = 40, 7, 6
     with console.counting("certified", enough) as (report, _):

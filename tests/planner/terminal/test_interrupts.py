@@ -137,7 +137,7 @@ def test_an_error_that_a_library_makes_of_it_is_ctrl_c() -> None:
     with pytest.raises(KeyboardInterrupt), ended_by_signals():
         library()
     with pytest.raises(RuntimeError), ended_by_signals():
-        raise RuntimeError  # nobody asked
+        raise RuntimeError  # without a signal
 
 
 def test_who_waits_for_ctrl_c_hears_it_once() -> None:

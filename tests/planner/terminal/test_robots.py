@@ -12,10 +12,9 @@ from hdplan.planner.terminal import robots
 from hdplan.scenes.robot_files.library import RobotFiles
 from hdplan.scenes.robot_spec import RobotSpec
 
-URDF = """<robot name="two"><link name="base"/>
-<link name="arm"><collision><geometry><box size="1 1 1"/></geometry></collision></link>
-<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
-<limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
+from ..urdf import joint_text, link_text, robot_text
+
+URDF = robot_text(link_text("base"), link_text("arm", box="1 1 1"), joint_text("turn", "base", "arm"), name="two")
 
 
 def test_what_is_kept_is_what_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

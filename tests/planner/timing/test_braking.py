@@ -1,5 +1,5 @@
-"""Laws of braking: it begins where it is told, ends at rest, keeps its limits everywhere, and takes hardly longer than
-a motion that may change its jerk at any time."""
+"""Laws of braking: it begins at the given state, ends at rest, keeps its limits everywhere, and takes hardly longer
+than a motion that may change its jerk at any time."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """Laws of how the fastest law's duration changes with its path: difference quotients agree, but at kinks, and the
-duration is that of the law; with torques, too; where gravity alone is too much it is said."""
+duration is that of the law; with torques, too; gravity that is too much alone is reported."""
 
 from __future__ import annotations
 

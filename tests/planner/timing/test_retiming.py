@@ -1,5 +1,5 @@
 """Laws of the time law and of the check on rates: limits hold everywhere on the executed curve, none is given away
-without need, and what breaks them is told."""
+without need, and messages name what breaks them."""
 
 from __future__ import annotations
 
@@ -109,6 +109,15 @@ def test_scale_slows_down_by_just_that_much() -> None:
     assert full.times is not None
     assert half.times[-1] == pytest.approx(2.0 * full.times[-1], rel=1e-9)
     assert half.curve.over_time(1).largest() == pytest.approx(0.5 * full.curve.over_time(1).largest(), rel=1e-3)
+
+
+def test_each_stage_of_a_path_has_its_speed() -> None:
+    """The next one's begins at its place, in a part of the path as in the whole."""
+    retimer = Retimer(Setup.of(load_scene("planar_arm")))
+    for first, last, change in ((0.0, 1.0, 0.5), (0.25, 0.75, 0.375)):
+        shares = retimer.with_speeds(np.array([1.0, 0.5]), np.array([change]), first, last).shares
+        at = first + (last - first) * np.linspace(0.0, 1.0, len(shares))
+        np.testing.assert_array_equal(shares, np.where(at < change, 1.0, 0.5))
 
 
 def test_a_straight_motion_takes_no_longer_than_it_must() -> None:

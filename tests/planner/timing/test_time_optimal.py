@@ -1,5 +1,5 @@
 """Laws of the fastest law along a path: toppra's linear programs find the same, loop and twin agree to the bit, limits
-hold, and where there is no law it is said."""
+hold, and the absence of a law is reported."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def test_limits_too_small_for_any_pace_are_refused_in_words() -> None:
 
 
 def test_limits_hold_where_a_path_turns_back_or_stands() -> None:
-    """There slopes and what is left of rows are rounding, which must not decide how fast it goes on."""
+    """There slopes and what is left of rows are rounding, which must not decide the speed."""
     rng = np.random.default_rng(1)
     for _ in range(40):
         path = rng.normal(size=(2, int(rng.integers(1, 8))))

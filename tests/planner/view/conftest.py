@@ -38,7 +38,7 @@ def nobody_watches(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def opened() -> Iterator[Opener]:
-    """Opens viewers on free ports, which do not plan live unless asked to, and closes them in the end."""
+    """Opens viewers on free ports, which do not plan live by default, and closes them in the end."""
     viewers: list[Viewer] = []
     complaints: list[str] = []
 
@@ -75,7 +75,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture
 def tab(browser: Any) -> Iterator[Any]:
-    """Opens pages in it, and fails for what they complain of."""
+    """Opens pages in it, and fails on any message in their consoles."""
     from tests.planner.view.in_browser import Tabs
 
     tabs = Tabs(browser)

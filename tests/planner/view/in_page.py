@@ -58,7 +58,7 @@ def wait_for(page: Any, true: str, given: object = None) -> None:
 
 
 def drawn(page: Any) -> None:
-    """Wait until the page has drawn two more pictures: the first of them may have begun before what is waited for."""
+    """Wait until the page has drawn two more pictures: the first of them may have begun before the change."""
     wait_for(page, DRAWN, page.evaluate("__viserTestpoints.rendererInfo.render.frame") + 2)
 
 
@@ -89,7 +89,7 @@ def grip(page: Any, place: NDArray[np.float64], axis: int) -> NDArray[np.float64
 
 
 def heard(page: Any, viewer: Viewer) -> None:
-    """Wait until the server has all that the page has told: where its camera stands comes last."""
+    """Wait until the server has all messages of the page: the place of its camera comes last."""
     clients = viewer.server.get_clients
     before = {number: client.camera.update_timestamp for number, client in clients().items()}
     drawn(page)

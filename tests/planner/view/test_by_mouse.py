@@ -221,7 +221,7 @@ def test_the_keys_do_what_the_list_says(served: Served, scene: Scene, trajectory
 def test_a_motion_that_no_longer_holds_is_red_until_another_is_found(
     served: Served, scene: Scene, trajectory: Trajectory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Plans take as long as the mouse is pressed: until then pair and depth are said, and nothing is certified."""
+    """Plans take as long as the mouse is pressed: until then pair and depth are shown, and nothing is certified."""
     page, viewer = served(scene, (NAME, trajectory))
     planned, released = plan_scene, threading.Event()
 

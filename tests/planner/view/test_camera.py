@@ -73,7 +73,8 @@ def test_a_box_hides_what_the_way_to_it_crosses(seed: int) -> None:
 
 
 def test_it_looks_past_a_wall() -> None:
-    """A wall stands where one usually looks from; beside it nothing is hidden, and it is seen through from behind."""
+    """A wall stands at the usual place of the camera; beside it nothing is hidden, and from behind it is
+    transparent."""
     points = np.random.default_rng(1).uniform(-0.3, 0.3, (40, 3)) + [0.0, 0.0, 0.5]
     path = np.linspace([-0.2, 0.0, 0.5], [0.2, 0.1, 0.6], 20)
     interest = np.concatenate([points, path])

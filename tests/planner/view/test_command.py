@@ -19,7 +19,7 @@ from hdplan import cli
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.front import motion_names
 
-LOADING = "hdplan: loading the robot's meshes ...\n"  # said where it takes long
+LOADING = "hdplan: loading the robot's meshes ...\n"  # written where loading takes long
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:

@@ -1,5 +1,5 @@
-"""What is edited, without a server: whatever is done in any order, what is known of a motion is true, undo brings scene
-and motions back, and who shows it is told of all."""
+"""The edited document, without a server: after edits in any order, what is known of a motion is true, undo restores
+scene and motions, and every listener hears of all."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hdplan.scenes.scene import Scene
 
 
 class Hall:
-    """Who is told, and may fail."""
+    """A listener that may fail."""
 
     def __init__(self) -> None:
         self.calls: list[str] = []

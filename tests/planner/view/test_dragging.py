@@ -28,24 +28,40 @@ from tests.waiting import until
 BALL = Thing("obstacle", "ball")
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
     found = plainly(scene, (NAME, trajectory))
     yield found
     found.close()
 
 
+@pytest.fixture(scope="module")
+def kept(browser: Any, viewer: Viewer) -> Iterator[Tabs]:
+    """The page that tests share: the first pictures of each cost the processor seconds."""
+    tabs = Tabs(browser)
+    in_sight(tabs(address(viewer)), viewer)
+    yield tabs
+    tabs.close()
+
+
 @pytest.fixture
-def page(tab: Tabs, viewer: Viewer) -> Any:
-    """The viewer's page, with the whole scene in the picture."""
-    page = tab(address(viewer))
+def page(kept: Tabs, viewer: Viewer) -> Iterator[Any]:
+    kept.pages[0].bring_to_front()
+    viewer.panel.editing.ask("reset")
+    calm(viewer)
+    yield kept.pages[0]
+    assert not kept.complaints
+
+
+def in_sight(page: Any, viewer: Viewer) -> Any:
+    """The page, with the whole scene in the picture."""
     page.get_by_text("certified: at least").first.wait_for()
     look(page, viewer, (0.4, -2.2, 2.6), (0.4, 0.3, 0.0))
     return page
 
 
 def test_the_certified_motion_follows_the_mouse(page: Any, viewer: Viewer) -> None:
-    """While the button is still down: what is said to be certified is, in the scene as it is then."""
+    """While the button is still down: what the panel calls certified is so, in the scene as it is then."""
     place = selected(page, viewer, BALL)
     assert viewer.motions.active is not None
     first = viewer.motions.active.motion.trajectory
@@ -104,8 +120,9 @@ def test_the_start_is_dragged_by_the_mouse(page: Any, viewer: Viewer) -> None:
 
 
 @pytest.mark.slow
-def test_a_tab_that_is_closed_while_it_drags_lets_go(tab: Tabs, page: Any, viewer: Viewer) -> None:
+def test_a_tab_that_is_closed_while_it_drags_lets_go(tab: Tabs, served: Viewer) -> None:
     """And another one says what holds."""
+    page, viewer = in_sight(tab(address(served)), served), served
     place = selected(page, viewer, BALL)
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     until(lambda: viewer.panel.handles.dragging, "it is not dragged")
@@ -120,7 +137,9 @@ def test_a_tab_that_is_closed_while_it_drags_lets_go(tab: Tabs, page: Any, viewe
     assert viewer.motions.active.motion.measured
 
 
-def test_the_server_ends_while_it_plans(page: Any, viewer: Viewer) -> None:
+@pytest.mark.slow  # without a page `test_live` closes it
+def test_the_server_ends_while_it_plans(tab: Tabs, served: Viewer) -> None:
+    page, viewer = in_sight(tab(address(served)), served), served
     place = selected(page, viewer, BALL)
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     viewer.close()

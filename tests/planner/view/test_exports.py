@@ -1,5 +1,5 @@
-"""Laws of what the panel makes on request: files of what was shown when they were asked for, certified anew, by mouse
-in a real browser; what is said of them is never said of another scene."""
+"""Laws of the panel's exports: files of what was shown at the click, certified anew, by mouse in a real browser; their
+verdicts never belong to another scene."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def status(viewer: Viewer) -> str:
 def test_all_of_it_is_of_the_scene_at_the_request(
     opened: Opener, scene: Scene, trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The ball goes into the motion while it is being made: what was asked for comes, and no verdict is said of what is
+    """The ball goes into the motion while it is being made: the requested file comes, and no verdict on what is
     shown by then."""
     viewer, go_on, made = opened(scene, found=trajectory), threading.Event(), archive
     monkeypatch.setattr("hdplan.planner.page.archive.archive", lambda *given: (go_on.wait(60), made(*given))[1])
@@ -65,7 +65,7 @@ def test_all_of_it_is_of_the_scene_at_the_request(
     assert viewer.scene is not before
     go_on.set()
     until(lambda: bool(browser.files), "nothing comes")
-    until(lambda: "done, from the scene" in status(viewer), "it is not said")
+    until(lambda: "done, from the scene" in status(viewer), "the panel has no message")
     assert "certified" not in status(viewer)
     with zipfile.ZipFile(io.BytesIO(browser.files["planar_arm.zip"])) as read:
         read.extractall(tmp_path)
@@ -80,7 +80,7 @@ def test_what_is_not_certified_is_not_saved(opened: Opener, scene: Scene, trajec
     assert "not saved: there is no motion yet" in status(viewer)
     by_worker(viewer, lambda: viewer.document.put("half", trajectory.between(0, 5)))
     browser = download(viewer, exports.ARCHIVE)
-    until(lambda: "not saved: " in status(viewer) and "being made" not in status(viewer), "it is not said")
+    until(lambda: "not saved: " in status(viewer) and "being made" not in status(viewer), "the panel has no message")
     assert not browser.files
     page = download(viewer, "page")  # which says so itself
     until(lambda: bool(page.files), "no page comes")
@@ -91,7 +91,7 @@ def test_a_browser_that_is_gone_ends_nothing(opened: Opener, scene: Scene, traje
     viewer = opened(scene, found=trajectory)
     gone: Any = SimpleNamespace(client_id=7, camera=SimpleNamespace(image_width=400, image_height=300))
     by_worker(viewer, lambda: viewer.panel.exports._begin("picture", gone))
-    until(lambda: "not saved: AttributeError" in status(viewer), "it is not said")
+    until(lambda: "not saved: AttributeError" in status(viewer), "the panel has no message")
     by_worker(viewer, lambda: viewer.panel.exports._download("no such thing", gone))
 
 
@@ -106,7 +106,7 @@ def test_files_come_by_mouse(tab: Tabs, served: Viewer, tmp_path: Path) -> None:
             press(page, button)
         assert download.value.suggested_filename == name
         download.value.save_as(tmp_path / name)
-        until(lambda: "saved: " in status(served), "it is not said")
+        until(lambda: "saved: " in status(served), "the panel has no message")
     zipfile.ZipFile(tmp_path / "planar_arm.zip").extractall(tmp_path)
     files = [tmp_path / "planar_arm" / name for name in ("planar_arm.yaml", "motion.json", "motion.proof")]
     assert verify(*files).whole

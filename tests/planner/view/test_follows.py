@@ -134,7 +134,7 @@ def test_a_plan_elsewhere_is_seen_as_it_is_made(opened: Opener, scene: Scene) ->
 
 
 def test_a_plan_elsewhere_says_nothing_of_another_scene(opened: Opener, scene: Scene) -> None:
-    """A box comes while it is made: what is said is of the scene with it; and what fails is said, and raised."""
+    """A box comes while it is made: the message is about the scene with it; and a failure is reported, and raised."""
     viewer = opened(scene)
 
     def run(seen: Callable[..., None], stop: Callable[[], bool]) -> Any:

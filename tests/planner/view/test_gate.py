@@ -165,7 +165,7 @@ def test_the_page_itself_may_change_everything(viewer: Viewer) -> None:
 
 
 def test_who_watches_sees_everything_and_changes_nothing(viewer: Viewer) -> None:
-    """Of all messages that a page sends, its camera and its colour scheme alone come in."""
+    """Of all messages that a page sends, only its camera and its colour scheme pass."""
     gui = viewer.server.gui._gui_input_handle_from_uuid
     slider = viewer.panel.player.slider._impl.uuid
     before = viewer.edited, [shown.motion for shown in viewer.motions.shown]
@@ -236,7 +236,7 @@ def part(content: bytes, index: int = 0, transfer: str = "t") -> dict[str, Any]:
 
 
 def let_in(gate: module.Gate) -> Callable[[dict[str, Any]], bool]:
-    """Whether a connection lets a message in."""
+    """Whether a connection passes a message."""
     connection = module.Guarded.__new__(module.Guarded)
     connection.gate, connection.watches, connection._files = gate, False, {}
     return lambda message: connection._may_come_in(msgspec.msgpack.encode(message))
@@ -251,7 +251,7 @@ def test_a_file_is_refused_before_it_is_held() -> None:
     assert not may(beginning(1000, 10**9))  # of parts without content
     assert may(beginning(10, 2 - 1))
     assert not may(beginning(10, 1))  # twice
-    assert not may(part(b"longer than it was said to be"))
+    assert not may(part(b"longer than announced, and more"))
     assert may(part(b"0123456789"))
     assert not may(part(b"", 1))
     assert gate.uploading == 0

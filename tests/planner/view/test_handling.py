@@ -76,6 +76,7 @@ def file(path: Path, name: str | None = None) -> SimpleNamespace:
     return SimpleNamespace(name=name or path.name, content=path.read_bytes())
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("word", scene_edits.NEW)
 def test_an_obstacle_is_added_named_resized_duplicated_and_deleted(viewer: Viewer, word: str) -> None:
     first = viewer.scene
@@ -154,7 +155,7 @@ def test_what_a_browser_may_send_is_taken_whole_or_refused_in_a_line(viewer: Vie
 def test_what_is_typed_while_the_panel_is_written_anew_is_not_lost(
     viewer: Viewer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Though viser's own threads are all busy; nor what is told twice by the page."""
+    """Though viser's own threads are all busy; nor what the page sends twice."""
     by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
     gui, handle, calls, free = viewer.server.gui, field(viewer, "clearance [m]"), list[object](), threading.Event()
     monkeypatch.setattr(gui, "_resolve_client", lambda _: SimpleNamespace(client_id=1))
@@ -242,7 +243,7 @@ def test_of_a_value_that_is_refused_nothing_stays_that_was_typed_before(
     before, handle = viewer.edited, field(viewer, label)
     for count in range(1, len(text) + 1):
         sent(viewer, handle, text[:count])
-        assert handle.value == text[:count]  # it stays in the field, as somebody may go on
+        assert handle.value == text[:count]  # it stays in the field, as somebody may be typing
     assert words in status(viewer)
     assert viewer.edited is before
     assert selected(viewer).name == "box"
@@ -491,7 +492,7 @@ def test_keys_act(viewer: Viewer) -> None:
 
 
 def test_a_motion_that_does_not_fit_the_edited_scene_is_reported_and_fits_again(viewer: Viewer) -> None:
-    """One without times, where the motion is to last so long: the edit is taken, and nothing is said to be proven."""
+    """One without times, where the motion is to last so long: the edit is taken, and nothing counts as proven."""
     viewer.panel.live.set(False)
     sent(viewer, field(viewer, "duration [s]"), "2")
     assert status(viewer) == ""

@@ -52,7 +52,7 @@ def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
 
 
 def line(page: Any, text: str) -> Any:
-    """A line of a list; it takes no clicks where it lies, as the list is written anew while it is looked for."""
+    """A line of a list; it takes no clicks where it lies, as the list is rewritten during the search."""
     return page.locator(".hd-row").filter(has_text=text).first
 
 

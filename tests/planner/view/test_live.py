@@ -55,7 +55,7 @@ def in_the_way(viewer: Viewer) -> Pose:
 
 
 def test_a_motion_follows_what_is_dragged(viewer: Viewer) -> None:
-    """At every step what is shown is certified in the scene that is shown, or said not to be."""
+    """At every step what is shown is certified in the scene that is shown, or marked as not certified."""
     begin = np.array(place_of(viewer.edited, BALL, viewer.stage.tip).position)
     way = np.array(in_the_way(viewer).position) - begin
     for share in np.linspace(0.1, 0.8, 8):
@@ -126,7 +126,7 @@ def test_the_newest_scene_is_planned_and_those_between_are_dropped(
 
 @pytest.mark.parametrize("drags", [15, pytest.param(40, marks=pytest.mark.slow)])
 def test_whatever_is_dragged_live_is_true(drags: int, viewer: Viewer) -> None:
-    """At random, without waiting: what is said of a motion is said of the scene that it names."""
+    """At random, without waiting: each verdict on a motion is about the scene that it names."""
     rng = np.random.default_rng(3)
     for _ in range(drags):
         thing = things(viewer.edited)[rng.integers(len(things(viewer.edited)))]

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pytest
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.drawing.camera import SIDES
@@ -93,3 +97,31 @@ def test_a_body_before_the_handle_lets_the_mouse_through(opened: Opener, scene: 
         assert every - clicked() == through
         assert all(ghosts()) == (thing != GOAL)
         assert any(ghosts())
+
+
+def test_a_window_is_framed_anew_until_its_camera_is_moved(
+    opened: Opener, scene: Scene, trajectory: Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where a slow browser comes back to the first view, after it was turned to its own."""
+    viewer = opened(scene, found=trajectory)
+    looking, begin = viewer.panel.looking, np.array(viewer.server.initial_camera.position)
+    camera: Any = SimpleNamespace(position=begin, look_at=None, wxyz=np.array([1.0, 0.0, 0.0, 0.0]), fov=1.0)
+    client: Any = SimpleNamespace(client_id=7, camera=camera, atomic=contextlib.nullcontext)
+    monkeypatch.setattr(viewer.server, "get_clients", lambda: {7: client})
+
+    def seen(width: int, eye: Any = None) -> Any:
+        camera.image_width, camera.image_height, camera.aspect = width, 500, width / 500
+        camera.position = camera.position if eye is None else eye
+        looking._moved(client, camera)
+        viewer.worker.settle()
+        return camera.position
+
+    seen(850)
+    looking._ask(client, "best")
+    viewer.worker.settle()
+    np.testing.assert_array_equal(camera.position, looking.view("best", 1.7).eye)
+    np.testing.assert_array_equal(seen(300, begin), looking.view("best", 0.6).eye)
+    np.testing.assert_array_equal(seen(500), looking.view("best", 1.0).eye)
+    own = np.array([1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(seen(500, own), own)
+    np.testing.assert_array_equal(seen(300), own)

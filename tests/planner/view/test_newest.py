@@ -1,4 +1,4 @@
-"""The thread that works on the newest wish: what came and went is dropped, and what is given up is told so."""
+"""The thread that works on the newest wish: outdated work is dropped, and its owner hears of it."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_what_is_given_up_is_notified_and_what_comes_after_is_not() -> None:
 
 
 def test_what_comes_after_the_work_is_called_when_it_no_longer_runs() -> None:
-    """So that who is told of a result does not find the thread at work on it."""
+    """So that a listener to a result does not find the thread at work on it."""
     ran: list[bool] = []
     newest: Newest[int] = Newest("test", lambda wish, turn: lambda: ran.append(newest.running))
     newest.ask(0)

@@ -1,4 +1,4 @@
-"""The layer of separating planes: a proof's own, or one that is written when the layer is switched on."""
+"""The layer of separating planes: a proof's own, or those of a proof that the layer writes when shown."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def switch(viewer: Viewer, on: bool) -> None:
 
 
 def test_the_slab_lies_between_the_closest_pair(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
-    """Written when it is switched on; drawn between the points that are closest, as thick as is proven."""
+    """Written when the layer is shown; drawn between the points that are closest, as thick as is proven."""
     viewer = opened(scene, found=trajectory)
     layer = viewer.panel.layers.plane
     assert not layer.slab.visible

@@ -152,7 +152,7 @@ def test_a_drag_in_a_plot_zooms_and_the_mouse_reads_values(tab: Tabs, served: Vi
         page.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 0.5 * box["height"])
         return "0.2" in legend.inner_text()
 
-    until(read, "no value under the mouse is said")
+    until(read, "no value under the mouse")
     box = over.bounding_box()
     y = box["y"] + 0.5 * box["height"]
     assert "closest–" in "".join(legend.inner_text().split())  # where it has no value: not NaN

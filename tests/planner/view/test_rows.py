@@ -112,7 +112,7 @@ def test_a_click_in_a_plot_goes_to_that_moment(viewer: Viewer, share: float) -> 
 
 
 def test_what_no_page_tells_changes_nothing(viewer: Viewer) -> None:
-    """Seeded nonsense: no error, no motion gone (the fixture sees that nothing was complained of)."""
+    """Seeded nonsense: no error, no motion gone (the fixture checks the console)."""
     rng = np.random.default_rng(0)
     words = ["choose", "hide", "rename", "closest", "seek", "theme", "", "quit", None, 3, [], {}]
     values = [-1, 1e9, "NaN", None, [], {}, True, "1", 0.5, "x" * 5000]

@@ -209,6 +209,7 @@ def test_obstacles_are_drawn_in_their_true_shapes(name: str) -> None:
         np.testing.assert_allclose(seen, support, rtol=0.01, atol=1e-9, err_msg=obstacle.name)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["ur5_ceiling", "baxter_bimanual_carry", "panda_cage", "empty"])
 def test_the_ground_lies_below_all_that_stands_and_no_lower_than_its_lowest_point(name: str) -> None:
     """Of a robot that hangs, too, and of one whose feet are below its base."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdplan.planner.view.page_script import LOW, SHEET
+from hdplan.planner.view.page_script import LOW, SHEET, WIDTH
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from tests.planner.view.in_browser import Tabs, address, calm, screen, selected
@@ -63,6 +63,8 @@ def test_a_finger_drags_above_the_sheet(served: Viewer, tab: Any) -> None:
         box = boxes[-1]
         assert box["height"] <= 0.01 * LOW * NARROW["height"] + 1
         assert canvas.bounding_box()["height"] <= box["top"] + 1
+    page.set_viewport_size({**NARROW, "width": 1000})  # the panel grows with the window
+    until(lambda: 0 <= 1000 - WIDTH - canvas.bounding_box()["width"] < 10, "the panel is not as wide as it may be")
     page.set_viewport_size(NARROW)
     x, y, z = place_of(served.edited, BALL, served.stage.tip).position
     look(page, served, (x, y - 2.0, z + 1.5), (x, y, z))

@@ -127,7 +127,7 @@ def test_a_paste_is_a_step_and_takes_other_names(viewer: Viewer) -> None:
     names = [each.name for each in viewer.scene.obstacles]
     assert names == ["ball", "prism", "ball2", "far"]
     assert viewer.panel.handles.selected == Thing("obstacle", "far")
-    assert 6 * LONGEST_TEXT < MOST_MESSAGE  # or the gate would end the connection, and nothing be said
+    assert 6 * LONGEST_TEXT < MOST_MESSAGE  # or the gate would end the connection without a message
     negative = "- {name: a, shape: {type: box, size: [1, 1, -1]}}"
     for wrong in ("", "- 1", negative, "- {name: x", "- !!python/object:os {}", "x" * (LONGEST_TEXT + 1)):
         tell(viewer, do="paste", text=wrong)

@@ -1,5 +1,5 @@
-"""Two people, or two hands, at one scene, without a browser: whatever comes while something is dragged, what is gone is
-not selected, and what is said is true."""
+"""Two people, or two hands, at one scene, without a browser: whatever comes while something is dragged, nothing that is
+gone is selected, and every message is true."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def pulled(viewer: Viewer, handle: Any, way: tuple[float, float, float]) -> None
 
 
 def assert_true(viewer: Viewer) -> None:
-    """What is selected is there, and what is said of the active motion is true."""
+    """The selected thing exists, and the text on the active motion is true."""
     selected, active = viewer.panel.handles.selected, viewer.motions.active
     assert selected is None or selected in things(viewer.edited)
     assert len(viewer.stage.obstacles) == len(viewer.scene.obstacles)

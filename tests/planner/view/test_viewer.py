@@ -356,7 +356,7 @@ def test_a_host_elsewhere_is_refused(scene: Scene) -> None:
             open_viewer(scene, host=host)
 
 
-# --- what is said and saved is of the scene as it is ------------------------------------------------------------------
+# --- messages and files are about the scene as it is ------------------------------------------------------------------
 
 
 def saved_pair(viewer: Viewer, folder: Path) -> tuple[Scene, Path]:

@@ -1,4 +1,4 @@
-"""Laws of files that change on disk: what is shown follows them, whole or not at all, and what is said is of it."""
+"""Laws of files that change on disk: the page follows them, whole or not at all, and so do its messages."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def viewer(opened: Opener, files: tuple[Path, Path], trajectory: Trajectory) -> 
 
 
 def says_the_truth(viewer: Viewer, file: Path) -> None:
-    """What is said of the motion is what holds in the file's scene."""
+    """The verdict on the motion is the one that holds in the file's scene."""
     assert viewer.worker.settle(20)
     viewer.worker.ask("measure", viewer.document.measure)
     assert viewer.worker.settle(20)
@@ -76,7 +76,7 @@ def test_a_scene_is_followed_whole_or_not_at_all(viewer: Viewer, files: tuple[Pa
         ("hdplan: 1\nrobot: {name: ur5}\nobstacles: []\nstart: {state: default}\ngoal: {state: default}\n", ""),
     ):
         files[0].write_text(wrong)
-        until(lambda words=words: "not done: " in editing.text and words in editing.text, "it is not said")
+        until(lambda words=words: "not done: " in editing.text and words in editing.text, "the panel has no message")
         assert viewer.edited is shown
         viewer.worker.ask("clear", lambda: editing.say(""))
         assert viewer.worker.settle(20)
@@ -145,7 +145,7 @@ def test_a_file_changes_while_something_is_dragged(viewer: Viewer, files: tuple[
     viewer.worker.ask("select", lambda: handles.select(Thing("obstacle", "ball")))
     viewer.worker.ask("drag", lambda: handles.drag(Pose((0.8, 0.05, 0.1))))
     files[0].write_text(text.replace("radius: 0.12", "radius: -1"))
-    until(lambda: "not done: " in viewer.panel.editing.text, "it is not said")
+    until(lambda: "not done: " in viewer.panel.editing.text, "it is not reported")
     assert handles.dragging
     assert place_of_ball(viewer) == (0.8, 0.05, 0.1)
     files[0].write_text(text.replace("name: prism", "name: other"))
@@ -165,5 +165,5 @@ def test_a_motion_is_followed(viewer: Viewer, files: tuple[Path, Path], trajecto
     says_the_truth(viewer, files[0])
     assert not active.motion.certificate.certified
     files[1].write_text("{")
-    until(lambda: "not done: " in viewer.panel.editing.text, "it is not said")
+    until(lambda: "not done: " in viewer.panel.editing.text, "the panel has no message")
     assert len(active.motion.trajectory.positions) == 10

@@ -276,7 +276,7 @@ FILLED = {"string": "word", "float64": 0.37, "int32": 3, "bool": True, "float64[
 
 
 def test_what_is_noted_is_noted_what_is_refused_is_refused(tmp_path: Path, problem: dict[str, dict[str, Any]]) -> None:
-    """By its whole key, once it is filled in; and as it is, empty, it says nothing."""
+    """By its whole key, once it has a value; an empty one has no meaning."""
     quiet = load(problem, tmp_path)
     checked = 0
     for message, field, key, content in every_field(problem):

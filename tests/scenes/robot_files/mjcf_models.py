@@ -192,7 +192,7 @@ class Writer:
         return self._tag("geom", {**attributes, **where})
 
     def _of_class(self, inherited: str | None, tag: str) -> tuple[dict[str, str], dict[str, str]]:
-        """Name a class, or inherit one: what is to be said, and what the class says."""
+        """Name a class, or inherit one: the attributes to write, and those of the class."""
         if self.rng.uniform() < 0.2:
             name = str(self.rng.choice(["a", "b"]))
             return {"class": name}, self.classes[name][tag]

@@ -247,7 +247,7 @@ def test_what_a_model_says_of_joints_masks_defaults_and_pairs(tmp_path: Path) ->
         ('range="0 90"', 'rnage="0 90"', r"joint 'l': attribute 'rnage' is not known \(did you mean 'range'"),
         ('pos="0 0 1"', 'pso="0 0 1"', r"body 'arm': attribute 'pso' is not known \(did you mean 'pos'"),
         ('<geom size=".2"/>', '<goem size=".2"/>', r"default: element 'goem' is not known \(did you mean 'geom'"),
-        ("<asset>", '<default><default class="big"/></default><asset>', "the class 'big' is there already"),
+        ("<asset>", '<default><default class="big"/></default><asset>', "the class 'big' is defined twice"),
         ('pos="0 0 1"', 'pos="0 0"', "body 'arm': pos must be 3 finite numbers, found '0 0'"),
         ('pos="0 0 1"', 'quat="0 0 0 0"', "body 'arm': a direction must not be 0"),
         ('pos="0 0 1"', 'quat="1 0 0 0" zaxis="0 0 1"', "body 'arm': quat and zaxis say the same"),
@@ -272,7 +272,7 @@ def shape_of(robot: Robot, link: str) -> tuple[str, tuple[float, ...]]:
 
 
 def test_default_sections_are_merged_and_the_first_class_may_have_a_name(tmp_path: Path) -> None:
-    """As MuJoCo merges them: a class made in a later section inherits what earlier ones said."""
+    """As MuJoCo merges them: a class made in a later section inherits the values of earlier ones."""
     first = "<default class='all'><geom type='box' size='.1 .2 .3'/></default>"
     robot = load(
         tmp_path, PLAIN.format(""), first + "<default><default class='own'><geom rgba='1 0 0 1'/></default></default>"

@@ -100,7 +100,7 @@ def test_arguments_are_kept_and_unknown_ones_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"the file does not use the argument 'R' \(did you mean 'r'\?\)"):
         load_robot(RobotSpec(urdf=file, xacro_args={"R": 0.2}))
     (tmp_path / "arm.urdf").write_text(BALL.format(before="", radius="1"))
-    with pytest.raises(InputError, match=r"robot\.xacro_args: the file is no xacro"):
+    with pytest.raises(InputError, match=r"robot\.xacro_args: the file is not xacro"):
         load_robot(RobotSpec(urdf=tmp_path / "arm.urdf", xacro_args={"r": 0.2}))
     with pytest.raises(InputError, match=r"xacro_args\.r: must be a text, a number, true or false"):
         RobotSpec(urdf=file, xacro_args={"r": [1]})

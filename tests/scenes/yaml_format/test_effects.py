@@ -1,4 +1,4 @@
-"""Sections that switch an effect on: what they mean, what they refuse and how, and that they read back the same."""
+"""Sections of effects: their meaning, what they refuse and how, and that they read back the same."""
 
 from __future__ import annotations
 

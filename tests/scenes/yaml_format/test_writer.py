@@ -235,7 +235,7 @@ class Maker:
         return value if self.rng.random() < 0.6 else otherwise
 
     def obstacle(self) -> Obstacle:
-        """One that moves or stands, maybe not quite where it is said to be."""
+        """An obstacle that moves or stands, perhaps not quite at its nominal place."""
         unknown = Uncertainty(self.number(high=1.0), self.number(high=3.0), self.number())
         return replace(self.known(), uncertainty=self.maybe(unknown, None))
 
