@@ -84,11 +84,11 @@ class Gate:
         def admit(connection: ServerConnection, request: Request) -> Response | None:
             if not (isinstance(connection, Guarded) and self._is_of_this_site(request)):
                 return connection.respond(http.HTTPStatus.FORBIDDEN, ELSEWHERE)
-            path = request.path.partition("?")[0].rstrip("/") + "/"
+            path = f"{request.path.partition('?')[0].rstrip('/')}/".encode(errors="surrogateescape")  # as it came
             for watches, own in self.paths.items():
-                if secrets.compare_digest(path.encode(), f"{own}{ALIVE}/".encode()):
+                if secrets.compare_digest(path, f"{own}{ALIVE}/".encode()):
                     return connection.respond(http.HTTPStatus.OK, "")
-                if secrets.compare_digest(path.encode(), own.encode()):
+                if secrets.compare_digest(path, own.encode()):
                     connection.gate, connection.watches = self, watches
                     local = replace(request, path="/", headers=_unpacked(request.headers))  # its client is one file
                     response = answer(connection, local)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from hdplan.planner.view.drawing.handle import add_handle, pose_of
+from hdplan.planner.view.drawing.handle import add_handle, is_moved, pose_of
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.things import Thing, dragged, obstacle_of, place_of, things, turns
 from hdplan.planner.view.words import small
@@ -192,8 +192,11 @@ class Handles:
 
     def _follow(self, handle: Any) -> None:
         """Let the selected thing follow its handle; one that was taken away may still be in a hand elsewhere."""
-        if handle is self._handle:
-            self.drag(pose_of(handle))
+        if handle is not self._handle:
+            return
+        pose = pose_of(handle)
+        if self.dragging or self._at is None or is_moved(pose, self._at):
+            self.drag(pose)
 
     def _say(self, text: str) -> None:
         self._text.content = small(text)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hdplan.planner.view.drawing.handle import add_handle, pose_of
+from hdplan.planner.view.drawing.handle import add_handle, is_moved, pose_of
 from hdplan.planner.view.drawing.nodes import ObstacleNode
 from hdplan.planner.view.edited_job import Movable
 from hdplan.planner.view.handles import NOTHING
@@ -125,7 +125,15 @@ class JobHandles:
 
     def _dragged(self, event: Any) -> None:
         """Handle a browser's event."""
-        handle, self._hand = event.target, event.client_id
-        self._viewer.worker.ask("drag", lambda: self.drag(pose_of(handle)) if handle is self._handle else None)
+        self._hand = event.client_id
+        self._viewer.worker.ask("drag", lambda: self._follow(event.target))
         if event.phase == "end":
             self.release()
+
+    def _follow(self, handle: Any) -> None:
+        """Let the selected thing follow its handle; one that was taken away may still be in a hand elsewhere."""
+        thing = self.thing
+        if handle is self._handle and thing is not None:
+            pose = pose_of(handle)
+            if self._dragging or is_moved(pose, self._viewer.edited.place_of(thing)):
+                self.drag(pose)

@@ -14,6 +14,7 @@ from hdplan.scenes.poses import Pose
 
 SIZE = 90.0  # [px] of its arms
 LOW_WINDOW = 600.0  # [px] height of a window in which the arms are long
+STILL = 1e-6  # [m], and of a rotation's entries
 GRIPS = read_only(  # in arms: its middle, along each axis, and between two
     np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (0.0, 0.5, 1.0) for z in (0.0, 0.5, 1.0) if not x * y * z])
 )
@@ -32,6 +33,12 @@ def add_handle(server: Any, number: int, pose: Pose, turning: bool) -> Any:
         depth_test=False,
         disable_rotations=not turning,
     )
+
+
+def is_moved(pose: Pose, place: Pose) -> bool:
+    """True if a handle's pose is not the place where it was put, as far as browsers can tell: one that is pressed and
+    let go stays."""
+    return bool(np.abs(pose.matrix - place.matrix).max() > STILL)
 
 
 def handle_points(pose: Pose, eye: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import socket
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -126,6 +127,9 @@ def test_the_address_lets_in_and_no_other(viewer: Viewer) -> None:
         assert answered(viewer, path) == 403
         with pytest.raises(InvalidStatus, match="403"):
             opened(viewer, path)
+    with socket.create_connection(("127.0.0.1", viewer.port), timeout=PATIENCE) as plain:
+        plain.sendall(b"GET /\xc3\xa9/ HTTP/1.1\r\nHost: %b\r\n\r\n" % here(viewer).encode())
+        assert plain.recv(12) == b"HTTP/1.1 403"
 
 
 @pytest.mark.parametrize(

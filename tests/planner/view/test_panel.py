@@ -13,7 +13,8 @@ import pytest
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view import scene_edits
-from hdplan.planner.view.drawing.motion import Tip, shortened
+from hdplan.planner.view.drawing.colors import clearance_colors
+from hdplan.planner.view.drawing.motion import Tip, millimetres, shortened
 from hdplan.planner.view.drawing.nodes import SEGMENT_WIDTH, TIGHT
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.page_script import NARROWEST, WIDTH
@@ -163,11 +164,24 @@ def test_start_and_goal_have_their_names_also_where_the_robot_stands(viewer: Vie
     assert not any(label.visible for label in stage.labels)
 
 
-def test_the_closest_pair_pulses_where_it_is_tight_and_nowhere_else(viewer: Viewer) -> None:
+def test_the_closest_pairs_are_joined_and_the_tight_one_pulses(viewer: Viewer) -> None:
+    """By segments as long as their distances, in its colour; the nearer one is labelled where nothing is selected."""
+    by_worker(viewer, lambda: viewer.panel.handles.select(None))
     closest, tight = viewer.stage.closest, []
     for now in np.linspace(0.0, 1.0, 21):
         viewer.show(now)
-        pair = viewer.certifier.closest(viewer.configuration)[0]
+        pairs = viewer.certifier.closest(viewer.configuration)
+        assert [line.visible for line in closest.lines] == [each is not None for each in pairs]
+        for line, each in zip(closest.lines, pairs, strict=True):
+            if each is not None:
+                np.testing.assert_allclose(line.points[0], each.points, rtol=0, atol=1e-6)
+                length = np.linalg.norm(np.diff(line.points[0], axis=0))
+                assert length == pytest.approx(abs(each.distance), abs=1e-6)
+        pair = pairs[0]
+        if pair is not None:
+            assert np.ravel(closest.lines[0].colors)[:3].tolist() == clearance_colors(pair.distance).tolist()
+            assert closest.label.visible
+            assert closest.label.text.endswith(millimetres(pair.distance))
         widths = []
         for phase in np.linspace(0.0, 1.0, 9):
             closest.pulse(phase)

@@ -104,6 +104,16 @@ def test_another_browser_that_leaves_takes_nothing_out_of_the_hand(viewer: Viewe
         assert (viewer.panel.handles._handle is handle) == dragging
 
 
+def test_a_handle_that_is_pressed_and_let_go_changes_nothing(viewer: Viewer) -> None:
+    """As no motion's verdict falls, and no step is to be undone."""
+    before, verdict, handle = viewer.edited, viewer.panel.verdict, viewer.panel.handles._handle
+    pulled(viewer, handle, (1e-8, 0.0, 0.0))
+    by_worker(viewer, viewer.panel.handles.let_go)
+    assert viewer.edited is before
+    assert viewer.panel.verdict == verdict
+    assert not viewer.document.history.can_undo
+
+
 def test_an_undo_in_the_midst_of_a_drag_loses_nothing(viewer: Viewer) -> None:
     first = viewer.edited
     handle = viewer.panel.handles._handle

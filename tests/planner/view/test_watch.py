@@ -11,8 +11,10 @@ import pytest
 
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.planner.view.watch import Seen, Source, Watch, seen, seen_meshes
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from tests.waiting import until
@@ -135,6 +137,23 @@ def test_a_mesh_that_changes_is_another_obstacle(viewer: Viewer, files: tuple[Pa
     again = next(each for each in viewer.stage.obstacles if each.obstacle.name == "hook")
     assert again is not node
     assert not np.array_equal(again.mesh.vertices, node.mesh.vertices)
+
+
+def test_a_file_changes_while_something_is_dragged(viewer: Viewer, files: tuple[Path, Path]) -> None:
+    """One that is refused leaves it in the hand; one that is taken puts it where it says, out of the hand."""
+    handles, text = viewer.panel.handles, files[0].read_text()
+    viewer.worker.ask("select", lambda: handles.select(Thing("obstacle", "ball")))
+    viewer.worker.ask("drag", lambda: handles.drag(Pose((0.8, 0.05, 0.1))))
+    files[0].write_text(text.replace("radius: 0.12", "radius: -1"))
+    until(lambda: "not done: " in viewer.panel.editing.text, "it is not reported")
+    assert handles.dragging
+    assert place_of_ball(viewer) == (0.8, 0.05, 0.1)
+    files[0].write_text(text.replace("name: prism", "name: other"))
+    until(lambda: "opened: " in viewer.panel.editing.text, "it is not opened")
+    assert viewer.worker.settle(20)
+    assert not handles.dragging
+    assert place_of_ball(viewer) == (0.9, 0.05, 0.1)
+    says_the_truth(viewer, files[0])
 
 
 def test_a_motion_is_followed(viewer: Viewer, files: tuple[Path, Path], trajectory: Trajectory) -> None:
