@@ -332,7 +332,7 @@ def test_a_run_is_exported_as_a_data_set(command: Callable[..., tuple[int, str, 
         (["-o", "r"], ["needs SOURCE and --output RUN, or --report RUN"]),
         (["planar_arm"], ["needs SOURCE and --output RUN"]),
         (["planar_arm", "-o", "r", "--report", "r"], ["--report RUN takes no SOURCE"]),
-        (["--report", "nowhere"], ["nowhere", "no folder of a run"]),
+        (["--report", "nowhere"], ["nowhere", "not the folder of a run"]),
         (["no/*.yaml", "-o", "r"], ["no/*.yaml", "no such file"]),
         (["planar_arm", "-o", "r", "--workers", "0"], ["--workers", "at least 1", "'0'"]),
         (

@@ -216,7 +216,7 @@ BAD_FILES = {
     "{class: dask_nowhere.SLURMCluster, workers: 1}": ["class: cannot be imported", "dask_nowhere"],
     "{class: distributed.NoCluster, workers: 1}": ["class: cannot be imported", "NoCluster"],
     "{class: SLURMCluster, workers: 1}": ["class: cannot be imported"],
-    "{class: os.path, workers: 1}": ["class", "none of dask's cluster classes"],
+    "{class: os.path, workers: 1}": ["class", "is not one of dask's cluster classes"],
     "{class: distributed.SpecCluster, workers: 1, options: {cors: 3}}": ["does not start", "cors"],
 }
 

@@ -238,7 +238,7 @@ def test_a_motion_that_is_slowed_asks_for_what_it_may(robot: Robot) -> None:
 def test_a_joint_without_a_speed_limit_is_refused(stick_scene, tmp_path: Path) -> None:
     scene = stick_scene(Obstacle("ball", Sphere(0.05), Pose((0.0, 0.0, 2.0))))
     urdf = tmp_path / "stick.urdf"
-    urdf.write_text(urdf.read_text().replace('velocity="1"', 'velocity="0"'))
+    urdf.write_text(urdf.read_text().replace('velocity="1.0"', 'velocity="0"'))
     with pytest.raises(InputError, match=r"limits\.velocity"):
         follow(Setup.of(scene), Trajectory(("turn",), np.array([[0.0], [0.5]])))
 

@@ -47,7 +47,7 @@ def test_a_missing_viser_is_reported_in_one_line(
     ("arguments", "message"),
     {
         "port": (["planar_arm", "--port", "70000"], "1 to 65535"),
-        "host": (["planar_arm", "--host", "192.0.2.1"], "no address of this machine"),
+        "host": (["planar_arm", "--host", "192.0.2.1"], "is not an address of this machine"),
         "scene": (["planar_arms"], "did you mean"),
         "trajectory": (["planar_arm", "missing.json"], "missing.json"),
         "nothing to record": (["planar_arm", "--record", "page.html"], "no motion to record"),

@@ -352,7 +352,7 @@ def test_it_listens_on_this_machine_alone_and_takes_the_next_free_port(opened: O
 
 def test_a_host_elsewhere_is_refused(scene: Scene) -> None:
     for host in ("192.0.2.1", "no.such.host.invalid"):
-        with pytest.raises(InputError, match="no address of this machine"):
+        with pytest.raises(InputError, match="is not an address of this machine"):
             open_viewer(scene, host=host)
 
 
