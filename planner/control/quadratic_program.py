@@ -78,10 +78,12 @@ def _least_missed(hessian: Array, linear: Array, weighted: Array, wanted: Array,
     u = _solved(hessian, linear, within)
     if u is None:
         return None
+    root = np.linalg.cholesky(hessian).T
     for _ in range(STEPS):
         missed = weighted @ u < wanted
         active = weighted[missed]
-        found = _solved(hessian + active.T @ active, linear - active.T @ wanted[missed], within)
+        curved = np.asarray(np.linalg.qr(np.concatenate([root, active]), mode="r"))
+        found = _solved_by_root(curved, linear - active.T @ wanted[missed], within)
         if found is None or ((weighted @ found < wanted) == missed).all():
             return u if found is None else found
         step = found - u
@@ -118,3 +120,18 @@ def _bounded(matrix: Array, low: Array, high: Array, bound: Array) -> Bounds:
 def _solved(hessian: Array, linear: Array, within: Bounds) -> Array | None:
     solution, _, flag, _ = daqp.solve(hessian, linear, *within)
     return np.array(solution) if flag in SOLVED else None
+
+
+def _solved_by_root(root: Array, linear: Array, within: Bounds) -> Array | None:
+    """Return the u (n,) within bounds that minimizes ½ ‖root u‖² + fᵀ u; None if DAQP finds none.
+
+    DAQP takes v = root u, as it would itself, but bounds of length 1: great weights make them short in v, and DAQP
+    passes over those that are shorter than 3e-6, floors as well.
+    """
+    matrix, greatest, least, kinds = within
+    inverse = np.linalg.inv(root)
+    rows = np.concatenate([inverse, matrix @ inverse])
+    length = np.linalg.norm(rows, axis=1)
+    bounds = rows / length[:, None], np.minimum(greatest / length, UNBOUNDED), least / length, kinds
+    v = _solved(np.eye(len(root)), linear @ inverse, bounds)
+    return None if v is None else inverse @ v

@@ -435,6 +435,15 @@ def test_rows_that_cannot_be_met_are_met_as_well_as_can_be() -> None:
     assert gave > 20
 
 
+@pytest.mark.parametrize("weight", [1e3, 1e6])
+def test_no_weight_outweighs_a_floor(weight: float) -> None:
+    """DAQP took a floor for no row at all once many rows of a great weight pulled across it."""
+    matrix = np.array([[-1.0, 0.0], *60 * [[1.0, 0.0]]])
+    rows = SoftConstraints(matrix, np.r_[0.0, np.ones(60)], np.r_[0.0, np.full(60, -np.inf)], np.full(61, weight))
+    found = best_velocity(np.eye(2), np.array([0.0, 1.0]), -np.ones(2), np.ones(2), rows)
+    assert found == pytest.approx([0.0, -1.0], abs=1e-6)
+
+
 # --- what comes, what is stuck, what is none ---------------------------------------------------------------
 
 
