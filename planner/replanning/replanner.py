@@ -280,7 +280,8 @@ class Replanner:
         """Return a time at which something was seen or measured. Raises InputError for one that is more than a period
         beyond now, as all that is true would then be older; without a clock, the first step tells the time."""
         if at > (now := self._time(*self._stepped)) + self._period:
-            raise InputError(f"at: must be no later than now, {now:.6g} s, found {at:.6g} s")
+            simulated = "" if self._clock else "; in a simulation, `clock` gives the time"
+            raise InputError(f"at: must be no later than now, {now:.6g} s, found {at:.6g} s{simulated}")
         return at
 
     def _refuse_closed(self) -> None:
