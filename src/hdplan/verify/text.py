@@ -51,7 +51,7 @@ def split(text: str) -> list[str]:
 def number(word: Any, what: str) -> float:
     """A number in decimal digits."""
     text = word.strip(SPACE) if type(word) is str else ""
-    need(DECIMAL.fullmatch(text) and abs(float(text)) < LARGEST, f"{what}: '{word}' is no number")
+    need(DECIMAL.fullmatch(text) and abs(float(text)) < LARGEST, f"{what}: '{word}' is not a number")
     return float(text)
 
 
@@ -65,7 +65,7 @@ def row(text: Any, count: int, what: str) -> Any:
 def table(words: Sequence[bytes | str], what: str) -> Any:
     """Many numbers."""
     found = [x.decode("ascii", "replace") if isinstance(x, bytes) else x for x in words]
-    need(all(map(DECIMAL.fullmatch, found)), f"{what}: a word is no number")
+    need(all(map(DECIMAL.fullmatch, found)), f"{what}: a word is not a number")
     return np.array(found, dtype=np.float64)
 
 
@@ -179,7 +179,7 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
             return self.construct_object(yaml.ScalarNode(tag, word))
         infinite = word.lower() in (".inf", "+.inf", "-.inf")
         good = DECIMAL.fullmatch(word) or (infinite and kind == "float")
-        need(good and not re.match(r"[-+]?0[0-9]", word), f"'{word}' is no number in decimal digits")
+        need(good and not re.match(r"[-+]?0[0-9]", word), f"'{word}' is not a number in decimal digits")
         return int(word) if kind == "int" else float(word.replace(".", "") if infinite else word)
 
 

@@ -241,11 +241,11 @@ CASES: dict[str, Case] = {
     ),
     "a number with an underscore": (
         {"obstacles": at(0.05, 0, 0.95)}, {}, URDF.replace('"0 0 0.6"', '"0 0 0.6_0"'),
-        {}, {}, URDF, LIMITS, "'0.6_0' is no number", "'0.6_0' is no number",
+        {}, {}, URDF, LIMITS, "'0.6_0' is not a number", "'0.6_0' is not a number",
     ),
     "a number in other digits": (
         {"obstacles": at(0.05, 0, 0.95)}, {}, URDF.replace('"0 0 0.6"', '"0 0 &#1632;.6"'),
-        {}, {}, URDF, LIMITS, "is no number", "is no number",
+        {}, {}, URDF, LIMITS, "is not a number", "is not a number",
     ),
     "an obstacle elsewhere": (
         {"obstacles": at(0.3, 0, 0.95)}, {}, URDF, {}, {}, URDF,

@@ -227,7 +227,7 @@ def test_torques_of_masses_that_no_body_has_are_not_proven(
     ],
 )
 def test_a_named_state_of_two_values_or_none_is_refused(words: str) -> None:
-    with pytest.raises(RejectedError, match=r"appears twice|'None' is no number"):
+    with pytest.raises(RejectedError, match=r"appears twice|'None' is not a number"):
         Semantics(f"<robot>{words}</robot>".encode(), {"b": ("j", "a")}, ["a", "b"])
 
 
