@@ -40,7 +40,7 @@ Row = dict[str, str | float | None]
 
 
 def executed(scene: hdplan.Scene, motion: Trajectory) -> tuple[Any, float]:
-    """Return what was executed, and the least exact distance [m] at any step of it."""
+    """Return the executed motion, and the least exact distance [m] at any step of it."""
     setup = Setup.of(scene)
     done = execute_in_mujoco(setup, fitting(setup, motion))
     return done, least(setup, done.positions, done.times)

@@ -89,7 +89,7 @@ def check_count(radius: float | FixedArray, count: int) -> None:
 
 
 def ignored_of(value: object) -> tuple[Ignored, ...]:
-    """Return what points are left out around: one thing, or a list of them."""
+    """Return the things around which points are left out: one, or a list of them."""
     if isinstance(value, Ignored):
         return (value,)
     if not is_row(value):

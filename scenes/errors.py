@@ -65,12 +65,12 @@ class FieldError(InputError):
         self.problem, self.where, self.value, self.kind = problem, where, value, kind
 
     def within(self, where: str) -> FieldError:
-        """Return the same error as an error of a field inside `where`."""
+        """Return this error as an error of a field inside `where`."""
         path = where if not self.where else f"{where}{'' if self.where.startswith('[') else '.'}{self.where}"
         return FieldError(self.problem, path, self.value, self.kind)
 
     def of(self, owner: str) -> FieldError:
-        """Return the same error, with the name of the field's class."""
+        """Return this error with the name of the field's class."""
         error = FieldError(self.problem, self.where, self.value, self.kind)
         error.args = (f"{owner}{'.' if self.where else ': '}{self}",)
         return error

@@ -107,5 +107,5 @@ class Calibration(Sized):
 
 
 def chord(angle: float) -> float:
-    """Return how far a turn moves a point at most, as a share of its distance from the origin."""
+    """Return the largest shift of a point by a turn, as a fraction of its distance from the origin."""
     return 2.0 * math.sin(0.5 * angle)

@@ -147,7 +147,7 @@ class AllOf(Checked):
 
 
 def unlike_the_others(poses: Sequence[PoseTarget]) -> tuple[int, str] | None:
-    """Return which of several poses is not of a link of its own, and what is wrong; None if all are."""
+    """Return the one of several poses that does not have a link of its own, and the fault; None if all are."""
     links = [target.link for target in poses]
     for i, link in enumerate(links):
         if link is None:

@@ -40,8 +40,8 @@ def content_key(*parts: str | bytes) -> str:
 
 
 def load(kind: str, key: str, read: Callable[[Any], Value | None]) -> Value | None:
-    """Return what `read` makes of the JSON value stored under this kind and key; None if there is no intact one, or one
-    of another structure, at which `read` fails."""
+    """Return the result of `read` for the JSON value stored under this kind and key; None if there is no intact one, or
+    one of another structure, at which `read` fails."""
     if not trusted():
         return None
     try:

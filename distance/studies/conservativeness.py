@@ -57,7 +57,7 @@ class Conservativeness:
         return self._beyond(rung, tol) / np.maximum(len(self.distances) - _below(self.distances, tol, "left"), 1)
 
     def rates_of_all(self, rung: RungAlarms, tolerances: ArrayLike) -> Array:
-        """Return the same false positives as a part of all configurations."""
+        """Return these false positives as a fraction of all configurations."""
         return self._beyond(rung, np.asarray(tolerances, dtype=float)) / len(self.distances)
 
     def _beyond(self, rung: RungAlarms, tol: Array) -> Array:

@@ -147,7 +147,7 @@ def _gdf(body_a: ConvexBody, poses_a: Array, body_b: ConvexBody, poses_b: Array)
 
 
 def _uaibot(body_a: ConvexBody, poses_a: Array, body_b: ConvexBody, poses_b: Array) -> tuple[Run, int]:
-    """The same by the authors' package, only its C++: both bodies are placed beforehand."""
+    """Time of the authors' package, of its C++ alone: both bodies are placed beforehand."""
     uaibot: Any = import_module("uaibot")
 
     def solids(body: ConvexBody, poses: Array) -> list[Any]:

@@ -40,7 +40,7 @@ class Reach:
     high: float
 
     def outside(self, points: Array) -> Array:
-        """Return how far points (k, 3) are outside (k,) [m]; 0 inside."""
+        """Return the distances (k,) of points (k, 3) from the reach [m]; 0 inside."""
         beside = points - self.origin
         along = beside @ self.axis
         across = np.linalg.norm(beside - along[:, None] * self.axis, axis=1) - self.radius
@@ -81,7 +81,7 @@ class Reach:
 
 
 def off_ends(points: Array, ends: Array) -> Array:
-    """Return how far points (k, 3) are from the nearest of some ends (e, 3) (k,) [m]."""
+    """Return the distances (k,) of points (k, 3) from the nearest of some ends (e, 3) [m]."""
     return np.asarray(np.min([np.linalg.norm(points - end, axis=1) for end in ends], axis=0))
 
 

@@ -38,13 +38,15 @@ class Miss(NamedTuple):
 
 
 def miss_of(robot: Robot, target: PoseTarget, q: Array) -> Miss:
-    """Return how far configuration q (n,) misses the target, exact to rounding. Raises InputError as `link_frame`."""
+    """Return the distance by which configuration q (n,) misses the target, exact to rounding. Raises InputError as
+    `link_frame`."""
     found = _found(robot, target, q[None])
     return Miss(float(_off(target, found)[0]), float(_angles(target, found)[0]))
 
 
 def reached_by(robot: Robot, target: PoseTarget, q: Array) -> Mask:
-    """Return which of configurations q (B, n) reach the target: those whose `miss_of` is `within` it."""
+    """Return, for each of the configurations q (B, n), whether it reaches the target: those whose `miss_of` is `within`
+    it."""
     found = _found(robot, target, q)
     near = _off(target, found) <= target.position_tolerance + ROUNDING
     near[near] = _angles(target, found[near]) <= target.orientation_tolerance + ROUNDING

@@ -122,7 +122,7 @@ def from_boxes(name: str, boxes: FixedArray, pose: Pose, planes: str) -> tuple[H
 
 
 def _extents(points: Array, first: Rows, rotation: Array) -> tuple[Array, Array]:
-    """Return how far groups of points (m, 3), which begin at `first` (c,), reach along axes (c, 3, 3): lower and upper
+    """Return the extents of groups of points (m, 3), which begin at `first` (c,), along axes (c, 3, 3): lower and upper
     ends (c, 3)."""
     sizes = np.diff(np.append(first, len(points)))
     local = np.einsum("mi,mij->mj", points, np.repeat(rotation, sizes, axis=0))

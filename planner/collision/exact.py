@@ -55,7 +55,7 @@ class ExactPairs(PairDistance):
         return "exact Euclidean distance, compiled C" if library() else self._twin.how
 
     def enlarged(self, by: float) -> ExactPairs:
-        """The same with a margin that is larger [m]."""
+        """This distance with a margin that is larger [m]."""
         return ExactPairs(self.pairs.enlarged(by), self.parts, self.solids, self.far)
 
     @cached_property
@@ -130,8 +130,8 @@ def _filled(vertices: Array, count: int) -> Array:
 
 
 def _clustered(vertices: Array) -> Array:
-    """The same vertices (K, 3), each CLUSTER of them near each other: halved along their longest side, again and
-    again."""
+    """The vertices (K, 3) in an order in which each CLUSTER of them are near each other: halved along their longest
+    side, again and again."""
     if len(vertices) <= CLUSTER:
         return vertices
     along = vertices[:, np.ptp(vertices, axis=0).argmax()].argsort(kind="stable")
@@ -148,7 +148,7 @@ def _balls(vertices: Array) -> Array:
 
 
 def _whole(body: ConvexBody) -> ConvexBody:
-    """The same body with its faces and edges."""
+    """This body with its faces and edges."""
     return ConvexBody.from_points(body.vertices, body.radius)
 
 

@@ -215,7 +215,7 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
 
 
 def setup_barriers(setup: Setup, settings: BarrierSettings, hulls: Sequence[LinkBody] | None = None) -> Barriers:
-    """Return the same of a scene with its robot. hulls: the links', if they are known."""
+    """Return the barriers of a scene with its robot. hulls: the links', if they are known."""
     setup.refuse_sizes("barriers know only the nominal world")
     scene, robot = setup.scene, setup.robot
     boxes = settings.distance in ("hdsdf-boxes", "gdf")

@@ -97,7 +97,7 @@ class Followed:
         ]
 
     def summary(self) -> dict[str, object]:
-        """Return the same for JSON."""
+        """Return the summary for JSON."""
         return {
             "status": self.certificate.status.value,
             "text": self.text,

@@ -377,7 +377,7 @@ def _cut(whole: Trajectory, marks: Sequence[float]) -> list[Trajectory]:
 
 
 def _between(motion: Trajectory, begins: Array, ends: Array) -> Trajectory:
-    """Return the same motion from joint values (n,) to others, from which it differs by rounding: stages around it were
+    """Return this motion from joint values (n,) to others, from which it differs by rounding: stages around it were
     planned to there, and from there."""
     positions = np.concatenate([begins[None], motion.positions[1:-1], ends[None]])
     return Trajectory(
@@ -386,7 +386,7 @@ def _between(motion: Trajectory, begins: Array, ends: Array) -> Trajectory:
 
 
 def _rate(world: World) -> float:
-    """Return how many rows there are at least [1/s]."""
+    """Return the least rate of rows [1/s]."""
     return (world.scene.timing or Timing()).rate
 
 
@@ -416,7 +416,7 @@ def _passes(motion: Trajectory, q: Array, near: float) -> float:
 
 
 def _with_row(motion: Trajectory, time: float) -> tuple[Trajectory, int]:
-    """Return the same motion with a row at a time, and its number; one that is there already, if it is close."""
+    """Return this motion with a row at a time, and the row's number; an existing row, if it is close."""
     times = motion.times
     assert times is not None
     assert motion.velocities is not None

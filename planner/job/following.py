@@ -150,8 +150,8 @@ def near_guide(robot: Robot, start: Array, follow: Follow, count: int, guide: Ca
 
 
 def drawn_off(robot: Robot, follow: Follow, rows: Array) -> tuple[float, float]:
-    """Return how far a link is from a curve [m], and turned [rad], at most, in the middle between rows (N, n) evenly
-    along it, where a smooth path is drawn through these."""
+    """Return a link's greatest distance from a curve [m], and turn from it [rad], in the middle between rows (N, n)
+    evenly along it, where a smooth path is drawn through these."""
     path, poses = smooth(drawn_through(rows)), spread(follow, 2 * len(rows) - 1)[1::2]
     places = Places.of(robot, follow, poses, np.ones(robot.n), robot.lower, robot.upper)
     error, _ = places.linearized(path((np.arange(len(poses)) + 0.5) / len(poses)))
@@ -209,7 +209,7 @@ def spread(follow: Follow, count: int) -> Array:
 
 
 def lengths_of(poses: Array, free: str) -> tuple[Array, Array]:
-    """Return how far it is from each of some poses (N, 4, 4) to the next (N − 1,), and the turns (N − 1, 3)."""
+    """Return the distances (N − 1,) from each of some poses (N, 4, 4) to the next, and the turns (N − 1, 3)."""
     turns = turns_between(poses, free)
     return np.hypot(
         np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1), TURN_RADIUS * np.linalg.norm(turns, axis=1)

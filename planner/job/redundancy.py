@@ -149,7 +149,7 @@ class Layers:
         return cost
 
     def cheapest(self) -> list[int] | None:
-        """Return which configuration of each layer the cheapest way takes; None if there is no way."""
+        """Return the configuration of each layer on the cheapest way; None if there is no way."""
         del self._reached[self._changed :]
         while (k := len(self._reached)) < len(self._own):
             if k == 0:
@@ -282,7 +282,7 @@ def inner_limits(robot: Robot) -> tuple[Array, Array]:
 
 
 def _reached(robot: Robot, target: PoseTarget, q: Array) -> Array:
-    """Return those of some configurations (B, n) that reach a target, brought there."""
+    """Return the configurations, of (B, n), that can be moved onto a target, on it."""
     aim = Aim.at(robot, target)
     for _ in range(STEPS):
         error, jacobian = aim.linearized(q)

@@ -164,7 +164,7 @@ def _lattice(count: int, m: int) -> Array:
 
 
 def closed_form(robot: Robot, target: PoseTarget) -> ClosedForm | None:
-    """Return how a link's configurations are found in closed form; None where they are not: of another geometry, where
+    """Return the closed form of a link's inverse kinematics; None where there is none: of another geometry, where
     joints that follow others move the link, any rotation is free, or hdplan was built without a C compiler. Raises
     InputError as `link_frame`."""
     if library() is None or target.free_rotation == "all":

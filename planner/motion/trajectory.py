@@ -119,7 +119,7 @@ class Trajectory:
         return Curve.through(self.positions, self.times, self.velocities, self.accelerations)
 
     def of_joints(self, names: tuple[str, ...], locked: Mapping[str, float]) -> Trajectory:
-        """Return the same motion with the columns of these joints only, in that order; raises InputError for a joint
+        """Return this motion with the columns of these joints only, in that order; raises InputError for a joint
         that it does not have."""
         for name in names:
             if name not in self.joint_names:

@@ -177,7 +177,7 @@ class ShownJob:
         return np.asarray(np.searchsorted(begins, times, side="right") - 1)
 
     def _carried(self, robot: Robot) -> dict[str, TimedPoses]:
-        """Return how each object moves that is held at some time, by the joints' places then."""
+        """Return the motion of each object that is held at some time, by the joints' places then."""
         curve, links = curve_of(robot, self.trajectory), links_of(robot)
         found: dict[str, tuple[list[float], list[Any]]] = {}
         for stage in self.certificate.stages:

@@ -205,7 +205,7 @@ def more_closely(problem: Problem) -> Problem:
 
 
 def exactly(problem: Problem) -> Problem:
-    """Return the same problem with the exact distances of what the bodies enclose in place of the HD-SDF of the bodies,
+    """Return the problem with the exact distances of what the bodies enclose in place of the HD-SDF of the bodies,
     from standing obstacles and between links; the problem itself with another distance."""
     settings, terms = problem.scene.planner, problem.terms
     if problem.exact or settings.distance != "hdsdf" or settings.swept:

@@ -188,7 +188,7 @@ class Problem:
         return MotionPenalty(found.cost, linkage.fold(found.gradient), diagonal, coupling, found.depth)
 
     def _penalty(self, positions: Array) -> MotionPenalty:
-        """The same with waypoints (N, m) and derivatives of all joints of the model, the variables of the terms."""
+        """The penalty with waypoints (N, m) and derivatives of all joints of the model, the variables of the terms."""
         if compiled := library():
             kinematics, found = self._at_samples(compiled, positions)
         else:

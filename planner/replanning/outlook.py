@@ -65,7 +65,7 @@ class Answer:
 
 
 def outlook(question: Question) -> Answer:
-    """Return whether the way is free, and another one if not."""
+    """Return the verdict on whether the way is free, and another way if not."""
     nominal = question.nominal
     kept = nominal is not None and not question.anew and not (question.stuck and nominal.margin < question.horizon)
     if kept and _free(question):

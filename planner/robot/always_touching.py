@@ -44,7 +44,7 @@ MOST_CELLS = 150  # examined for one pair; if they do not do, the pair is not pr
 
 
 def always_touching(robot: Robot, pairs: Iterable[LinkPair], room: float) -> tuple[LinkPair, ...]:
-    """Return those of the pairs of links that are proven to touch at all configurations, up to `room` [rad or m] beyond
+    """Return the pairs of links that are proven to touch at all configurations, up to `room` [rad or m] beyond
     the limits of the joints. Of a pair that is not among them nothing is known."""
     known: dict[tuple[str, bool], Balls] = {}
 

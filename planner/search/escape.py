@@ -30,7 +30,7 @@ def escapes(problem: Problem) -> tuple[Array, Array]:
 
 
 def ways_back(problem: Problem) -> tuple[Array, Array]:
-    """The same ways step by step (S, n), from the ends on, which are part of them."""
+    """The ways step by step (S, n), from the ends on, which are part of them."""
     if problem.terms.path:
         return problem.start[None], problem.goal[None]
     terms = _with_room(problem)

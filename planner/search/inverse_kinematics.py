@@ -195,7 +195,7 @@ def every_branch(robot: Robot, target: PoseTarget | AllOf, start: Array) -> tupl
 
 
 def _reached(aim: Aim, draws: Array, start: Array, path: tuple[PathTerm, ...] = ()) -> tuple[Array, tuple[Miss, ...]]:
-    """The same from `start` and from what was drawn (B, n)."""
+    """Configurations that reach the target from `start` and from random draws (B, n), and the least misses."""
     check_time("looking for configurations that reach the goal")
     robot = aim.robot
     q = _approached(aim, np.clip(np.vstack([start, draws]), robot.lower, robot.upper), path)
@@ -272,7 +272,7 @@ def _drawn_near(aim: Aim, q: Array, start: Array) -> Array:
 
 
 def _fewest_turns(robot: Robot, q: Array, start: Array) -> Array:
-    """The same placements (B, n), with whole turns of the joints undone towards `start` as far as the limits allow."""
+    """The placements (B, n), with whole turns of the joints undone towards `start` as far as the limits allow."""
     nearer = q - 2 * math.pi * np.round((q - start) / (2 * math.pi))
     return np.where(_circling(robot) & (nearer >= robot.lower) & (nearer <= robot.upper), nearer, q)
 

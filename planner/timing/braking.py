@@ -38,15 +38,15 @@ class Braking(ReadOnly):
 
     @property
     def backwards(self) -> Braking:
-        """The same, run backwards."""
+        """This motion, run backwards."""
         return Braking(self.away[::-1], -self.velocity[::-1], self.acceleration[::-1])
 
 
 def brake(
     velocity: Array, acceleration: Array, limits: Mapping[str, Array], h: float, swing: float = 1.0
 ) -> Braking | int:
-    """Return how joints (n,) brake with rows h [s] apart, within limits (n,) by name, in the first phase within `swing`
-    times that of jerk; or a joint that cannot."""
+    """Return the braking motion of joints (n,) with rows h [s] apart, within limits (n,) by name, in the first phase
+    within `swing` times that of jerk; or a joint that cannot."""
     most = [limits.get(name, np.full(len(velocity), np.inf)) for name in ("velocity", "acceleration", "jerk")]
     jerks = []
     for joint, (v, a) in enumerate(zip(velocity.tolist(), acceleration.tolist(), strict=True)):

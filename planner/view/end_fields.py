@@ -67,7 +67,7 @@ class EndFields:
 
     def _build(self) -> None:
         gui, none = self._viewer.server.gui, (0.0, 0.0, 0.0)
-        position = gui.add_vector3("at [m]", none, step=STEP, hint="of the tip, or of the goal pose, in the world")
+        position = gui.add_vector3("at [m]", none, step=STEP, hint="the tip, or the goal pose, in the world frame")
         turn = gui.add_vector3("turned [°]", none, step=TURN_STEP, hint="roll, pitch, yaw, about the world's axes")
         quaternion = gui.add_text("x y z w", "", hint="its quaternion, normalized")
         self._add("at [m]", position, lambda pose: pose.position, lambda pose, new: replace(pose, position=new))

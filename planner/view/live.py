@@ -61,7 +61,7 @@ class Live:
         return str(self._text.content)
 
     def set(self, on: bool) -> None:
-        """Switch it, as somebody does who wants it so whatever it takes."""
+        """Switch live planning by the user's choice, however long a plan takes."""
         self._switched, self.switch.value = True, on
 
     def settle(self, timeout: float) -> bool:
@@ -75,7 +75,7 @@ class Live:
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
     def learn(self, seconds: float) -> None:
-        """Switch it off where a plan took so long [s], or on again, unless somebody has chosen."""
+        """Switch live planning off after a plan that took too long [s], or on again, unless the user has chosen."""
         if not self._switched and self.on != (seconds < LIMIT):
             self.switch.value = seconds < LIMIT
             self._say(IDLE if self.on else f"off, as a plan takes more than {LIMIT:g} s here")
@@ -89,7 +89,7 @@ class Live:
         self._newest.ask((viewer.edited, None if active is None else active.motion.trajectory))
 
     def forget(self) -> None:
-        """Drop what is being planned from the active motion: it is another one by now, or back where it was."""
+        """Drop the plan under way from the active motion: that is another one by now, or an earlier one again."""
         self._newest.give_up()
 
     def _take(self, edited: Edited, result: PlanResult, turn: int) -> None:

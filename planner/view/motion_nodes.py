@@ -105,7 +105,7 @@ class MotionNodes:
             self._paint(shown, self.of(shown), seen)
 
     def look_of(self, shown: Shown) -> Look:
-        """Return how a motion's path is drawn: the active one by its clearance, the others thin and in their own
+        """Return the look of a motion's path: the active one by its clearance, the others thin and in their own
         colours; one of which nothing is known grey, and one that fails in the colour of its verdict."""
         motion, active = shown.motion, shown is self._document.motions.active
         if not self._document.holds(shown):

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 PASTED = "pasted.yaml"
 STEP = 0.01  # [m], [m/s] or [rad/s] of a press on a field's arrow
-GROUPS = "a name before a slash is the obstacle's group: a click on its line selects all of it"
+GROUPS = "the part of a name before a slash is its group: a click on the group's line selects all of it"
 NO_CHOICE = "no obstacle is selected: click on one, or choose it in the list"
 
 

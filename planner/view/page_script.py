@@ -177,7 +177,7 @@ if (!window.hdplan) {
     event.stopPropagation();
     event.target.click();
   }, true);
-  let held;  // the line that is pressed: browsers give no click to one that is written anew before it is let go
+  let held;  // the line that is pressed: browsers send no click to a line that is rewritten before its release
   document.addEventListener('pointerdown', (event) => { held = event.target.closest?.('[data-do]'); }, true);
   document.addEventListener('pointerup', (event) => {
     const now = event.target.closest?.('[data-do]');
@@ -197,7 +197,7 @@ if (!window.hdplan) {
     }
   });
   const line = (details) => details.querySelector('summary')?.dataset.do;
-  const unfolded = new Set();  // lines whose details are open: they stay so when the lines are written anew
+  const unfolded = new Set();  // lines whose details are open: they stay open when the lines are rewritten
   document.addEventListener('toggle', (event) => {
     const key = event.target.matches('details') && event.target.isConnected && line(event.target);
     if (key) unfolded[event.target.open ? 'add' : 'delete'](key);
@@ -227,7 +227,7 @@ WATCHING = "Watching only: changes by others appear here, and nothing can be cha
 
 
 class Page:
-    """The unseen part of the page, and what listens to it."""
+    """The invisible part of the page, and the handlers of its messages."""
 
     def __init__(self, server: viser.ViserServer, gate: Gate, title: str, ground: Vector3) -> None:
         """Build it in the container at hand, as the first there; `title` is the page's, and the middle of the ground
@@ -289,11 +289,11 @@ def is_number(message: object) -> TypeGuard[float]:
 
 
 def link(text: str, what: str, title: str = "", **message: object) -> str:
-    """Return HTML, of `text` that is HTML, that tells the server `what` when it is clicked."""
+    """Return a link as HTML around the HTML `text`: a click sends `what` to the server."""
     named = f'role="button" tabindex="0" title="{html.escape(title)}"'
     return f'<span class="hd-link" {named} data-do="{telling(what, **message)}">{text}</span>'
 
 
 def telling(what: str, **message: object) -> str:
-    """Return the attribute `data-do` of an element that tells the server `what` when it is clicked."""
+    """Return the attribute `data-do` of an element of which a click sends `what` to the server."""
     return html.escape(json.dumps({"do": what, **message}))

@@ -83,8 +83,8 @@ def fan(corners: Rows) -> Rows:
 
 
 def _seen_whole(vertices: Array, triangles: Rows, ears: Rows, largest: float) -> Mask:
-    """Return which polygons are flat and lie whole in sight of their first corner, up to rounding: there no triangle of
-    the fan runs backwards, and together they make less than a whole turn."""
+    """Return, for each polygon, whether it is flat and lies whole in sight of their first corner, up to rounding: there
+    no triangle of the fan runs backwards, and together they make less than a whole turn."""
     starts = np.cumsum(ears) - ears
     a, b, c = np.moveaxis(vertices[triangles], 1, 0)
     with np.errstate(all="ignore"):  # what is not finite is not in sight

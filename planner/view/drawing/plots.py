@@ -40,7 +40,7 @@ class MotionPlots:
             "plot",
             (POSITION, *UNITS),
             initial_value=POSITION,
-            hint="of the joints; rates where a motion has times, jerk and torque where the scene limits them",
+            hint="of the joints: position; rates where a motion has times, jerk and torque where the scene limits them",
         )
         self.quantity.on_update(lambda _: changed())
         self.joints = Plot(server, "joints", ())
@@ -230,7 +230,7 @@ def _within(times: Array, own: Array, values: Array) -> Array:
 
 
 def within_sight(clearance: Array) -> Array:
-    """Return what of a clearance the plot shows: nothing where there are no obstacles."""
+    """Return the part of a clearance that the plot shows: nothing where there are no obstacles."""
     return np.where(np.isinf(clearance), np.nan, np.minimum(clearance, SHOWN))
 
 

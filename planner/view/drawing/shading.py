@@ -21,7 +21,7 @@ LUMA = (0.299, 0.587, 0.114)  # of red, green and blue (ITU-R BT.601)
 
 
 def two_toned(robot: Robot, skins: Sequence[Skin]) -> tuple[Skin, ...]:
-    """Return the same skins in such colours: links at an odd number of joints from the base are the darker ones."""
+    """Return the skins in two tones: links at an odd number of joints from the base are the darker ones."""
     return tuple(replace(skin, color=shade(skin.color, _depth(robot, skin.joint) % 2 == 1)) for skin in skins)
 
 
@@ -39,12 +39,12 @@ def shade(color: Color, darker: bool) -> Color:
 
 
 def luma_of(color: Color) -> float:
-    """Return how light a colour is, 0 to 1."""
+    """Return the lightness of a colour, 0 to 1."""
     return float(np.dot(LUMA, color)) / 255.0
 
 
 def _depth(robot: Robot, joint: int) -> int:
-    """Return how many joints lie between a joint and the world."""
+    """Return the number of joints between a joint and the world."""
     count = 0
     while joint > 0:
         joint, count = int(robot.model.parents[joint]), count + 1

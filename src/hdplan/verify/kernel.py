@@ -217,7 +217,7 @@ class Motion:
         return farthest(gap, change, rest + more)
 
     def seen(self, joint: int, local: Ball, other: int) -> Ball:
-        """Return where a point (3,) of a joint's frame is in another's, anywhere on the first interval."""
+        """Return the position of a point (3,) of a joint's frame in another's, anywhere on the first interval."""
         here = dot("ij,j->i", self.turn[0, joint], local) + self.at[0, joint]
         there = dot("ji,j->i", self.turn[0, other], here - self.at[0, other])
         carried = self.world.carried[[joint, other]]  # what carries both changes nothing

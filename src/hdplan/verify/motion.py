@@ -88,7 +88,8 @@ class Rows:
         text = data.decode("utf-8-sig").replace("\r\n", "\n")
         lines = [next(csv.reader([line], strict=True)) for line in text.split("\n") if line.strip(" ")]
         head, *cells = [[x.strip(" ") for x in line] for line in lines]
-        need(all(len(x) == len(head) and all(map(DECIMAL.fullmatch, x)) for x in cells), f"{path}: a cell is not a number")
+        good = all(len(x) == len(head) and all(map(DECIMAL.fullmatch, x)) for x in cells)
+        need(good, f"{path}: a cell is not a number")
         columns = unique([(x, [*map(float, each)]) for x, each in zip(head, zip(*cells, strict=True), strict=True)])
         ends = ("", ".velocity", ".acceleration")
         names = [x for x in columns if x != "time" and not x.endswith(ends[1:])]

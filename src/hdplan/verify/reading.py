@@ -120,7 +120,7 @@ class Reader:
         self.joints = Joints(spec, self.top["start"], tree, semantics)
 
     def of(self, top: dict[str, Any], rows: Rows) -> Reader:
-        """The same files with other sections and other rows, of one stage of a job."""
+        """These files with other sections and other rows, of one stage of a job."""
         other = copy.copy(self)
         other.top, other.rows = top, rows
         other.joints = Joints(top["robot"], top["start"], self.joints.tree, self.joints.semantics)

@@ -84,7 +84,7 @@ def _pixels(section: dict[str, Any], image: Any, what: str) -> tuple[Ball, Any]:
 
 
 def _length(x: Any) -> Any:
-    """As `norm`, with sums in one order: a proof has the digest of these numbers, on any machine."""
+    """Norm, with sums in one order: a proof has the digest of these numbers, on any machine."""
     x = x * x
     return up(np.sqrt(up(x[:, 0] + x[:, 1] + x[:, 2])))
 

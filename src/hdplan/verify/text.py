@@ -56,7 +56,7 @@ def number(word: Any, what: str) -> float:
 
 
 def row(text: Any, count: int, what: str) -> Any:
-    """As many numbers, between spaces."""
+    """A fixed count of numbers, between spaces."""
     words = split(text) if type(text) is str else []
     need(len(words) == count, f"{what}: {count} numbers are expected, found '{text}'")
     return np.array([number(word, what) for word in words])
@@ -70,7 +70,7 @@ def table(words: Sequence[bytes | str], what: str) -> Any:
 
 
 def values(value: Any, count: int, what: str) -> Any:
-    """As many finite numbers of a scene, in a list if they are several."""
+    """A fixed count of finite numbers of a scene, in a list if they are several."""
     rows = value if isinstance(value, list) else [value]
     good = len(rows) == count and {*map(type, rows)} <= {int, float} and all(abs(x) < LARGEST for x in rows)
     need(good, f"{what}: {count} finite numbers are expected")

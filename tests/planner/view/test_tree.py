@@ -55,7 +55,7 @@ def test_what_is_hidden_still_counts(viewer: Viewer) -> None:
     tell(viewer, do="eye thing", kind="obstacle", name="ball")
     node = next(each for each in viewer.stage.obstacles if each.obstacle.name == "ball")
     assert not node.frame.visible
-    assert "hidden, kept clear of" in viewer.panel.tree.content
+    assert "hidden, still avoided" in viewer.panel.tree.content
     active = viewer.motions.active
     assert active is not None
     at = active.motion.tip[len(active.motion.tip) // 2]

@@ -170,7 +170,7 @@ def test_what_was_typed_for_one_thing_does_not_change_another(viewer: Viewer) ->
 
     by_worker(viewer, busy)
     assert viewer.scene is before
-    assert "another thing is selected" in panel.editing.text
+    assert "the selection has changed" in panel.editing.text
 
 
 def test_a_worker_that_fails_says_so_and_shows_no_verdict(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
