@@ -132,7 +132,7 @@ def test_plot_draws_any_trajectory(hdplan: Command) -> None:
 
 
 @pytest.mark.parametrize("solver", ["chomp", "fatrop", "ipopt"])
-def test_other_solvers(hdplan: Command, tmp_path: Path, solver: str) -> None:
+def test_every_solver_plans_by_the_command(hdplan: Command, tmp_path: Path, solver: str) -> None:
     scene = arm_scene(tmp_path, obstacles=[], planner={"waypoints": 6})
     assert hdplan("plan", scene, "--solver", solver).code == 0
 

@@ -387,7 +387,7 @@ def test_every_class_of_a_scene_is_known_to_certificate_and_writer() -> None:
     assert {kind.__name__ for kind in met - writer.WRITTEN.keys()} == by_their_fields
 
 
-def test_those_who_take_a_scene_apart_say_which_fields_they_know() -> None:
+def test_readers_of_scenes_declare_their_known_fields() -> None:
     found = {}
     for path in (ROOT / "planner").rglob("*.py"):
         for node in ast.walk(parsed(path)):

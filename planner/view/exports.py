@@ -1,4 +1,4 @@
-"""Files of scene and motions on request: one archive of everything, a page, a film, a picture. A thread of its own makes
+"""Files of scene and motions on request: an archive of all, a page, a film, a picture. A thread of its own makes
 them, as that takes seconds.
 
 A file shows the scene at the moment of its request, whatever is edited meanwhile, and is certified again.

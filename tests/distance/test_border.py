@@ -460,7 +460,7 @@ def frozen() -> Iterator[None]:
 
 @pytest.mark.usefixtures("frozen")
 @pytest.mark.parametrize("name", NAMES)
-def test_nothing_leaks(name: str, recorded: dict[str, list[Call]]) -> None:
+def test_calls_of_the_c_loops_leak_no_memory(name: str, recorded: dict[str, list[Call]]) -> None:
     """Five hundred calls, most of them refused: for want of an argument, for the last one, for one too many."""
     function, given = functions()[name], tuple(map(fresh, recorded[name][0]))
     calls = (given, given[:-1], (*given[:-1], object()), (*given, None))
@@ -501,7 +501,7 @@ def test_threads_do_not_meet(name: str, recorded: dict[str, list[Call]]) -> None
         assert list(pool.map(lambda _: results(name, recorded[name]), range(8))) == [expected] * 8
 
 
-def test_a_record_makes_its_struct_anew_elsewhere(recorded: dict[str, list[Call]]) -> None:
+def test_a_pickled_record_makes_its_struct_again(recorded: dict[str, list[Call]]) -> None:
     given, placed = tree_of(recorded)
     record = Record("tree", *given)
     expected = placed(record.struct)

@@ -248,7 +248,7 @@ REFUSED: dict[str, tuple[Callable[[Scene], object], str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_who_cannot_take_a_moving_start_says_so(case: str) -> None:
+def test_commands_that_cannot_take_a_moving_start_refuse_it(case: str) -> None:
     call, message = REFUSED[case]
     with pytest.raises(InputError, match=message) as error:
         call(moving(scene_of("ur5"), [0.1] * 6))

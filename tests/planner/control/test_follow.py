@@ -98,7 +98,7 @@ def test_times_of_the_file_are_kept_to(room: Scene, robot: Robot, sweep: Traject
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("velocity", [(-0.25, 0.0, 0.0), (0.0, -0.25, 0.0)], ids=str)
-def test_it_yields_and_recovers(
+def test_the_follower_yields_and_recovers(
     velocity: tuple[float, float, float], free: Followed, room: Scene, robot: Robot, sweep: Trajectory
 ) -> None:
     assert free.arrived is not None

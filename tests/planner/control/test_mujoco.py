@@ -99,7 +99,7 @@ def test_a_body_that_is_farther_off_than_the_scene_has_it_fails(planned: tuple[h
     assert "more than robot.tracking.position: the proof does not cover it" in simulation.text
 
 
-def test_it_stands_where_it_was_placed() -> None:
+def test_the_simulated_arm_holds_its_place() -> None:
     """The weight is carried; nothing moves by itself, however the base hangs."""
     arm = control.MuJoCoArm.of(hdplan.load_scene("ur5_ceiling"))
     q = arm.state()[0]

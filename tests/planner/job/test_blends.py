@@ -391,7 +391,7 @@ def test_a_blend_that_would_be_slower_is_a_stop(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("pressed", [True, False])
-def test_what_ends_while_stages_are_blended_leaves_stops(monkeypatch: pytest.MonkeyPatch, pressed: bool) -> None:
+def test_an_end_while_blending_leaves_stops(monkeypatch: pytest.MonkeyPatch, pressed: bool) -> None:
     """Ctrl-C in the first group of stages, or a request to end there: the planned stages are kept, and certified."""
     begun: list[int] = []
 

@@ -55,7 +55,7 @@ def coal_shape(shape: Any) -> Any:
     return coal.Box(*shape.size) if isinstance(shape, hdplan.Box) else coal.Cylinder(shape.radius, shape.length)
 
 
-def test_nothing_meets_but_what_may(scene: Scene, planned: JobResult) -> None:
+def test_only_allowed_contacts_occur_in_a_job(scene: Scene, planned: JobResult) -> None:
     """The whole robot with its hand, the can where it must be by then, coal's distance, every 20 ms: without a line of
     what derives the stages."""
     robot = hdplan.load_robot(hdplan.RobotSpec(name="panda", group=[*ARM, FINGER]))
@@ -245,7 +245,7 @@ def test_what_is_held_is_compared_with_all_else(scene: Scene, planned: JobResult
     assert not found.certified
 
 
-def test_what_was_let_go_is_an_obstacle_where_it_lies(scene: Scene, planned: JobResult) -> None:
+def test_a_released_object_is_an_obstacle_at_its_place(scene: Scene, planned: JobResult) -> None:
     """A hand that does not open leaves the can only by the way of the can."""
     motion, finger = planned.trajectory, planned.trajectory.joint_names.index(FINGER)
     row = motion.stages[6].row
@@ -294,7 +294,7 @@ def test_what_cannot_be_done_is_one_line(scene: Scene, number: int, fields: dict
     assert "\n" not in str(caught.value)
 
 
-def test_whatever_is_for_one_motion_refuses_a_job(scene: Scene, planned: JobResult) -> None:
+def test_functions_for_one_motion_refuse_a_job(scene: Scene, planned: JobResult) -> None:
     motion = planned.trajectory
     robot = hdplan.load_robot(scene.robot)
     calls: list[Callable[[], object]] = [

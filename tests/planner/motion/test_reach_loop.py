@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(not library(), reason="built without a C compile
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda", "tiago", "baxter", "ur5"])
-def test_as_in_numpy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_loop_equals_numpy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     chain, rng = Chain.of(load_robot(RobotSpec(name)).model), np.random.default_rng(2)
     n = len(chain.axes)
     joints = rng.integers(0, n + 1, COUNT)

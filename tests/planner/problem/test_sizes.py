@@ -70,7 +70,7 @@ def with_shapes(scene: Scene, shapes: dict[str, Shape]) -> Scene:
     [{}, {"moving": True}, {"normals": "faces"}, pytest.param({"swept": True}, marks=pytest.mark.slow)],
     ids=str,
 )
-def test_other_sizes_are_those_of_a_problem_built_anew(changes: dict[str, bool]) -> None:
+def test_other_sizes_equal_those_of_a_new_problem(changes: dict[str, bool]) -> None:
     """Value, gradient and Hessian, exact and Gauss-Newton's; with and without the derivatives by sizes."""
     problem, rng, seen = problem_of(**changes), np.random.default_rng(6), 0.0
     for exact, movable in ((True, True), (True, False), (False, True)):
@@ -137,7 +137,7 @@ def test_derivatives_by_sizes_and_poses(changes: dict[str, bool]) -> None:
     assert checked >= 2
 
 
-def test_where_sizes_are_in_p() -> None:
+def test_parameters_of_sizes_are_found_by_name() -> None:
     program = problem_of(moving=True).casadi(form="symbolic")
     shapes: dict[str, Shape] = {"post": hdplan.Cylinder(0.2, 0.7), "beam": hdplan.Box([1, 2, 3])}
     p = program.values(2.0, sizes=shapes)

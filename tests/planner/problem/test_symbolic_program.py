@@ -59,7 +59,7 @@ def test_every_shipped_scene(name: str) -> None:
     assert seen > 0.0 or name in ("empty", "pr2_shelf")
 
 
-def test_whoever_may_leave() -> None:
+def test_an_uncertain_obstacle_grows_with_time() -> None:
     """An obstacle grows with time where it stands and where it is moved, and is met in the last part of a motion."""
     scene = load_scene("panda_person")
     person = dataclasses.replace(scene.obstacles[1], pose=hdplan.Pose(position=(0.35, 0.75, 0.6)))
@@ -173,7 +173,7 @@ def test_no_function_of_it_calls_back() -> None:
     assert not_in_c(external.f) == ["penalty"]
 
 
-def test_it_is_kept_mapped_and_differentiated_again(tmp_path: Path) -> None:
+def test_a_saved_program_has_the_same_derivatives_and_maps(tmp_path: Path) -> None:
     """A program from a file has the same value, gradient and Hessian; two motions at once are each as alone."""
     program = problem_of("planar_arm").casadi(form="symbolic")
     cost = ca.Function("cost", [program.x, program.p], [program.f])
@@ -201,7 +201,7 @@ def turned(pose: Array, rng: np.random.Generator) -> Array:
 
 @pytest.mark.core
 @pytest.mark.parametrize("name", ["planar_arm", "panda_cage", "panda_vase"])
-def test_moved_obstacles_are_those_of_a_problem_built_anew(name: str) -> None:
+def test_moved_obstacles_equal_those_of_a_new_problem(name: str) -> None:
     problem, rng = problem_of(name), np.random.default_rng(8)
     graph, penalty = graph_of(problem), SymbolicPenalty(problem, exact=True)
     for _ in range(3):

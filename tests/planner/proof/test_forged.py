@@ -359,7 +359,7 @@ def test_numbers_that_were_worked_out_may_differ_by_their_bounds_and_prove_nothi
             World(put(world, "joints", row, "off", to=wrong), {})
 
 
-def test_what_was_not_worked_out_has_no_slack(honest: Honest) -> None:
+def test_exact_numbers_of_a_world_allow_no_difference(honest: Honest) -> None:
     _, world, *_ = honest
     wide = put(put(world, "path", 0, "off", to=OFF), "tracks", 0, "off", to=OFF)
     tilt = world["path"][0]["tolerance"]  # a request's may be worked out
@@ -442,7 +442,7 @@ def test_a_joint_that_is_held_far_beyond_its_limits_is_refused(robot: Data, tmp_
 
 
 @pytest.mark.parametrize("claim", EVERY[1:])
-def test_what_is_not_claimed_is_missing_in_the_first_line(
+def test_a_claim_that_is_missing_is_named_in_the_first_line(
     claim: str, honest: Honest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """And the command's exit code says so."""

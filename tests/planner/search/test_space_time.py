@@ -118,7 +118,7 @@ def test_time_never_goes_back_along_a_way(problem: Problem) -> None:
         found.grow()
 
 
-def test_moves_cost_what_is_met_at_their_times(problem: Problem) -> None:
+def test_the_cost_of_a_move_counts_obstacles_at_its_own_times(problem: Problem) -> None:
     """The penalty of a move is that of the motion at its own configurations and times, but for interpolation."""
     found = roadmap(problem, 1)
     found.timed_way()
@@ -194,7 +194,7 @@ def test_where_hurrying_is_the_only_way_the_motion_hurries(gate: Scene) -> None:
     assert np.all(side[times > 3.0] < 0.0)  # from when the gate is shut
 
 
-def test_what_is_held_waits_too(gate: Scene) -> None:
+def test_a_held_object_waits_with_the_robot(gate: Scene) -> None:
     held = Attached("rod", "panda_hand", Cylinder(0.02, 0.4), Pose((0.0, 0.0, 0.14), ACROSS))
     touching = dataclasses.replace(held, touch_links=("panda_leftfinger", "panda_rightfinger"))
     scene = dataclasses.replace(gate, attached=(touching,))

@@ -57,7 +57,7 @@ def test_a_missing_viser_is_reported_in_one_line(
         "folder": (["planar_arm", "m.json", "--video", "none/film.gif"], "none"),
         "both": (
             ["planar_arm", "m.json", "--proof", "p.proof", "--record", "p.html"],
-            "--proof: applies to the viewer",
+            "--proof: applies to",
         ),
         "no server": (["planar_arm", "m.json", "--video", "f.gif", "--port", "8081"], "--port: applies to the viewer"),
     }.values(),

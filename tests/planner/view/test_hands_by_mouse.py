@@ -90,7 +90,7 @@ def test_what_is_dragged_is_taken_away(tab: Tabs, viewer: Viewer, by: str) -> No
     says_the_truth(page, viewer)
 
 
-def test_who_watches_can_press_nothing(tab: Tabs, viewer: Viewer) -> None:
+def test_a_watching_browser_cannot_press_buttons(tab: Tabs, viewer: Viewer) -> None:
     page, before = tab(viewer.address(watch=True)), viewer.edited
     assert f"/{WATCH}/" in page.url
     page.get_by_text(WATCHING).wait_for()
