@@ -47,7 +47,8 @@ World = dict[str, Any]
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "docs" / "world.md").read_text(encoding="utf-8")
-KEYS = {key for row in re.findall(r"^\| (`.*?`) \|", PAGE, re.MULTILINE) for key in re.findall(r"`(\w+)`", row)}
+ROWS = re.findall(r"^\| \[?(`.*?`)(?:\]\(.*?\))? \|", PAGE, re.MULTILINE)
+KEYS = {key for row in ROWS for key in re.findall(r"`(\w+)`", row)}
 REASONS = re.findall(r"`([^`]+)`", PAGE[PAGE.index("The reasons are") : PAGE.index("the first of them that holds")])
 SHIPPED = list(shipped_scenes())
 CORNERS = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
