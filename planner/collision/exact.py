@@ -35,7 +35,7 @@ from hdplan.scenes.shapes import Box, Shape
 
 LANES = 8  # numbers in the widest vector of a processor
 CLUSTER = 32  # vertices that are near each other: of a large hull, few clusters have to be examined
-ROUNDING = 1e-12  # [–]
+RADIUS_ROUNDING = 1e-12  # [–] relative, by which balls are larger
 CLUSTERED_VERTICES = 256  # vertices of a hull from which on clusters pay
 
 
@@ -144,7 +144,7 @@ def _balls(vertices: Array) -> Array:
     clusters = vertices.reshape(-1, CLUSTER, 3)
     middles = 0.5 * (clusters.min(axis=1) + clusters.max(axis=1))
     radii = np.linalg.norm(clusters - middles[:, None], axis=2).max(axis=1)
-    return np.vstack([middles.T, radii + ROUNDING * (radii + np.abs(middles).max())])
+    return np.vstack([middles.T, radii + RADIUS_ROUNDING * (radii + np.abs(middles).max())])
 
 
 def _whole(body: ConvexBody) -> ConvexBody:

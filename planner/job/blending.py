@@ -53,10 +53,10 @@ from hdplan.scenes.timing import Timing
 OVERLAP_SHARES = (1.0, 0.6, 0.3, 0.1)  # of the longest overlap of two motions
 TIME_FACTORS = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5)  # times as long as they would take, of moves
 DENSITY_FACTORS = (1, 4, 12)  # times as many configurations along curves
-ROUNDING = 1e-9  # of a limit
+LIMIT_ROUNDING = 1e-9  # [–] relative, by which a limit may be exceeded
 LEAST_ROW_GAP = 1e-4  # [s] least distance of an inserted row from others: rounding would count in accelerations
 BEYOND_MIDDLE = 0.2  # share of half a blend for which a part's tool rates are planned beyond its middle
-STEPS = 8  # of looking for a row
+ROW_STEPS = 8  # of looking for a row
 
 
 @dataclass(frozen=True)
@@ -346,7 +346,7 @@ def _overlap(world: World, number: int, one: _Unit, other: _Unit, limited: bool 
     retimer = Retimer(setup)
 
     def allowed(curve: MotionCurve) -> bool:
-        return not limited or all(limit.stretch(curve) <= 1.0 + ROUNDING for limit in retimer.limits)
+        return not limited or all(limit.stretch(curve) <= 1.0 + LIMIT_ROUNDING for limit in retimer.limits)
 
     around = radius_link(world, number), stage.blend
     try:
@@ -406,7 +406,7 @@ def _passes(motion: Trajectory, q: Array, near: float) -> float:
     """Return the time at which a motion is nearest to joint values (n,), close to a time."""
     assert motion.times is not None
     time = near
-    for _ in range(STEPS):
+    for _ in range(ROW_STEPS):
         at = motion.at_time(time)
         square = float(at.velocities @ at.velocities)
         if square == 0.0:

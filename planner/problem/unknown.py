@@ -27,7 +27,7 @@ from hdplan.scenes.targets import JointTarget
 if TYPE_CHECKING:
     from hdplan.scenes.obstacle_motion import ObstacleMotion
 
-STEP, MOST_SPANS = 0.01, 48  # [m] by which a body grows from one span to the next; how many there are at most
+GROWTH_STEP, MOST_SPANS = 0.01, 48  # [m] by which a body grows from one span to the next; how many there are at most
 AWAY_DISTANCE = 1e4  # [m] where a body is in spans that are not its own
 
 
@@ -124,7 +124,7 @@ def spans(obstacle: Obstacle, duration: float) -> tuple[Span, ...]:
     from hdplan.scenes.obstacle_motion import ObstacleMotion
 
     motion, speed = ObstacleMotion.of(obstacle), of_obstacle(obstacle)[2]
-    count = int(np.clip(np.ceil(speed * duration / STEP), 1, MOST_SPANS))
+    count = int(np.clip(np.ceil(speed * duration / GROWTH_STEP), 1, MOST_SPANS))
     edges = np.linspace(0.0, duration, count + 1)
     growth = (speed * edges[1:]).tolist()
     edges[0], edges[-1] = -np.inf, np.inf

@@ -21,7 +21,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import ReadOnly
 
 MOST_TRIED = 200  # numbers of rows of the first phase, and of the last
-UNUSED_SHARE, ROUNDING = 1e-6, 1e-9  # [–] of a limit that is left unused; by which a velocity may exceed one
+UNUSED_SHARE, VELOCITY_ROUNDING = 1e-6, 1e-9  # [–] of a limit that is left unused; by which a velocity may exceed one
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,9 @@ def brake(
     for joint, (v, a) in enumerate(zip(velocity.tolist(), acceleration.tolist(), strict=True)):
         fastest, strongest, jerkiest = (float(each[joint]) for each in most)
         jerkiest *= 1 - UNUSED_SHARE
-        found = _jerks(v, a, (1 + ROUNDING) * fastest, (1 - UNUSED_SHARE) * strongest, (swing * jerkiest, jerkiest), h)
+        found = _jerks(
+            v, a, (1 + VELOCITY_ROUNDING) * fastest, (1 - UNUSED_SHARE) * strongest, (swing * jerkiest, jerkiest), h
+        )
         if found is None:
             return joint
         jerks.append(found)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 
-OPACITY = 0.45
+OPACITY = 0.45  # [–] of the robots that are drawn on request
 PLANE, LEFT_OUT, BOXES = "separating plane", "points left out", "boxes of obstacles"
 TRAIL, FRAMES, NAMES = "trail", "frames of joints", "names of obstacles"
 HEIGHT, CLEARANCE = "height", "clearance"

@@ -28,7 +28,7 @@ DRAGGED = 8  # [px] by which the mouse moves at least in a plot to zoom
 LONGEST_TEXT = 250_000  # characters that are pasted: in a message at most six bytes each, less than the gate allows
 SHEET = 700  # [px] of a window's width up to which the panel lies below the scene; viser's own does up to 576
 LOW = 45  # [%] of the window's height that it takes there
-SHARE = 0.4  # of a window's width that the panel takes at most
+PANEL_SHARE = 0.4  # of a window's width that the panel takes at most
 ENDED = "hdplan view has ended, or cannot be reached: this is the last picture"
 # The marker's neighbours in the panel are, in this order: the unseen field, Plan, Play, and the slider.
 STYLE = (
@@ -277,7 +277,7 @@ class Page:
         draw_ground(client.scene, self._ground, dark=dark)
         window = message.get("width")
         if isinstance(window, int | float) and math.isfinite(window):
-            width = min(max(SHARE * window, NARROWEST), WIDTH)
+            width = min(max(PANEL_SHARE * window, NARROWEST), WIDTH)
             if self._widths.get(client.client_id, WIDTH) != width:  # else a width set by the user stays
                 client.gui.main_panel.set_width(width)
                 self._widths[client.client_id] = width

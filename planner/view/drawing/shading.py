@@ -16,7 +16,7 @@ from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.skins import Skin
 
 DARKEST, LIGHTEST = 0.22, 0.80  # luma, of 1
-STEP = 0.16  # of luma from one link to the next
+LUMA_STEP = 0.16  # of luma from one link to the next
 LUMA = (0.299, 0.587, 0.114)  # of red, green and blue (ITU-R BT.601)
 
 
@@ -29,7 +29,7 @@ def shade(color: Color, darker: bool) -> Color:
     """Return a colour of the same hue whose lightness lies between those of the grounds, in their lighter or darker
     part."""
     luma = luma_of(color)
-    wanted = float(np.interp(luma, [0.0, 1.0], [DARKEST + STEP, LIGHTEST])) - (STEP if darker else 0.0)
+    wanted = float(np.interp(luma, [0.0, 1.0], [DARKEST + LUMA_STEP, LIGHTEST])) - (LUMA_STEP if darker else 0.0)
     if wanted <= luma:
         scaled = np.array(color) * (wanted / luma)
     else:  # towards white, which keeps the hue where scaling would overflow

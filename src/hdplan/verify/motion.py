@@ -14,7 +14,7 @@ from .balls import Ball, need
 from .text import DECIMAL, mapping, values
 from .world import hermite, loads, numbers, unique
 
-SAME = 1e-6  # [rad or m] between a joint that stands still or follows and what the file says of it
+SAME_VALUE = 1e-6  # [rad or m] between a joint that stands still or follows and what the file says of it
 RATES = ("positions", "velocities", "accelerations")
 KINDS = (".json", ".csv")
 
@@ -109,7 +109,7 @@ class Rows:
         for name, at in self.locked.items():
             need(name in held, f"{self.path}: locked: '{name}' is no joint that is held")
             off = abs(float(values(at, 1, f"locked.{name}")[0]) - held[name])
-            need(off <= SAME, f"{self.path}: locked: '{name}' is held at {held[name]:g}")
+            need(off <= SAME_VALUE, f"{self.path}: locked: '{name}' is held at {held[name]:g}")
         if {*self.names} - {*lead}:
             self.check_others(joints, held)
         order = [self.names.index(x) for x in lead]
@@ -131,4 +131,4 @@ class Rows:
             leader = i if other is None else self.names.index(joints[other]["name"])
             for k, rows in enumerate([curve, *map(Ball, self.given)]):
                 off = rows[..., i] - (rows[..., leader] * factor + add * (k < 2))
-                need((off.size <= SAME).all(), f"{self.path}: '{name}' moves otherwise in the world")
+                need((off.size <= SAME_VALUE).all(), f"{self.path}: '{name}' moves otherwise in the world")
