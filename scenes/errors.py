@@ -28,8 +28,8 @@ class InputError(HdplanError):
 
 
 class UnsolvableError(InputError):
-    """A problem that is well written and cannot be solved as it stands: `cause` is a word for why, such as
-    "end_in_contact", and `by` are names of what shuts a goal off."""
+    """A valid problem that has no solution as it stands: `cause` is the code of the reason, such as "end_in_contact",
+    and `by` names the obstacles that shut a goal off."""
 
     def __init__(self, text: str, cause: str, by: tuple[str, ...] = ()) -> None:
         """Take the message, the cause and the names."""
@@ -47,7 +47,7 @@ class MisplacedError(InputError):
 
 
 class NotProvenError(HdplanError):
-    """A motion of which no proof can be written, and why."""
+    """No proof of a motion can be written; the text gives the reason."""
 
 
 class TimeLimitError(HdplanError):

@@ -209,7 +209,7 @@ class Configuration:
 
 @dataclass(frozen=True, repr=False)
 class State(Checked):
-    """A robot that moves: its joint values in any form of a configuration, their velocities [rad/s or m/s] and
+    """A state of a moving robot: its joint values in any form of a configuration, their velocities [rad/s or m/s] and
     accelerations [rad/s² or m/s²], each in the order of the joints, or by name, the others 0.
 
         scene = scene.with_start(hdplan.State(q, velocity=dq))

@@ -329,8 +329,8 @@ class Certifier:
         return () if self.path is None else self.path.at(self.robot.expand(q))
 
     def overload(self, q: ArrayLike) -> str | None:
-        """Return, in words, which limit the robot exceeds even at rest at q (n,), where gravity overloads a joint; None
-        if it exceeds none."""
+        """Return the limit, in words, that the robot exceeds even at rest at q (n,), where gravity overloads a joint;
+        None if it exceeds none."""
         values = np.asarray(q, dtype=np.float64)
         return next((message for check in self.limits if (message := check.overload(values))), None)
 

@@ -74,7 +74,7 @@ class LimitCheck(Protocol):
         ...
 
     def overload(self, q: Array) -> str | None:
-        """Return, in words, which limit the robot exceeds even at rest at q (n,); None if it exceeds none."""
+        """Return the limit, in words, that the robot exceeds even at rest at q (n,); None if it exceeds none."""
         ...
 
 

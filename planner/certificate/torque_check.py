@@ -138,7 +138,7 @@ class TorqueCheck:
         return np.array([pin.rnea(self.model, data, *row) for row in zip(self.robot.pin_q(q), v, a, strict=True)])
 
     def overload(self, q: Array) -> str | None:
-        """Return, in words, which joint gravity overloads most at q (n,); None if it overloads none."""
+        """Return the joint, in words, that gravity overloads most at q (n,); None if it overloads none."""
         limits = self.limits["torque"]
         torques = np.abs(pin.computeGeneralizedGravity(self.model, self.model.createData(), self.robot.pin_q(q)))
         joint = int((torques / limits).argmax())

@@ -112,7 +112,7 @@ class Barriers:
         return (*first, *((bodies[a].link, bodies[b].link) for a, b in self_pairs))
 
     def __repr__(self) -> str:
-        """Return, in words, how many pairs of each kind there are."""
+        """Return the number of pairs of each kind, in words."""
         own = self.count - self.obstacle_pairs
         return (
             f"<Barriers of {self.robot.name}: {self.obstacle_pairs} pairs with obstacles, {own} of links, "

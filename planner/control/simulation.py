@@ -274,7 +274,7 @@ def _closest(certifier: Certifier, positions: Array, times: Array) -> tuple[Clos
 
 
 def _overloaded(execution: Execution, limits: Array | None, robot: Robot) -> Iterator[str]:
-    """Return, in words, where the commanded torque first exceeds a limit, if there is one, and whether tracking is
+    """Return the first time, in words, at which the commanded torque exceeds a limit, if any, and whether tracking is
     lost."""
     if (
         limits is not None
@@ -293,7 +293,7 @@ def _overloaded(execution: Execution, limits: Array | None, robot: Robot) -> Ite
 
 
 def _off(execution: Execution, setup: Setup) -> Iterator[str]:
-    """Return, in words, which joint is farther off than the scene's tracking error, for which the proof holds."""
+    """Return the joint, in words, that is farther off than the scene's tracking error, for which the proof holds."""
     lag = setup.scene.robot.tracking
     for name, errors in (("position", execution.errors), ("velocity", execution.velocity_errors)):
         if lag is None or not getattr(lag, name):

@@ -322,8 +322,8 @@ def _settled(world: World, number: int, part: Trajectory) -> Corner:
 
 
 def _beyond_radius(world: World, number: int, robot: Robot, q: Array) -> str:
-    """Return, in words, how far from its goal a move passes into the next stage; empty if that is within its
-    radius."""
+    """Return the distance, in words, from its goal at which a move passes into the next stage; empty if that is within
+    its radius."""
     assert world.scene.job is not None
     stage = world.scene.job.stages[number]
     assert isinstance(stage, Move)

@@ -110,7 +110,7 @@ class ClosedForm(NamedTuple):
         return bool(self.ways[0].held)
 
     def words(self, robot: Robot) -> str:
-        """Return, in words, how configurations are found."""
+        """Return the method of the closed form in words."""
         way = self.ways[0]
         names = " and ".join(robot.joint_names[self.planned[joint]] for joint in way.held)
         return f"in closed form, {WORDS[way.kind]}" + f"; {names} at values around the seed's" * bool(names)

@@ -71,7 +71,7 @@ def _check_following(given: Mapping[str, ArrayLike], every: Mapping[str, NDArray
 
 
 def beyond_limits(curve: Curve, robot: Robot) -> str | None:
-    """Return, in words, where a motion is beyond the position limits; None if it is nowhere.
+    """Return the place, in words, at which a motion is beyond the position limits; None if there is none.
 
     A part of the curve lies within the hull of its control points, the first and last of which are on the curve. So a
     part whose hull exceeds a limit is halved, until a point on the curve exceeds it, or no hull does.

@@ -42,7 +42,7 @@ class StageMark:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Waypoints in joint space, and the curve through them; of a job, with marks where its stages begin.
+    """Waypoints in joint space, and the curve through them; a job's has marks where its stages begin.
 
     Raises InputError if the shapes do not match, a joint name appears twice, a number is not finite, there are fewer
     than 2 rows, the times do not increase, or there are velocities without times or accelerations without velocities.

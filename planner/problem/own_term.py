@@ -275,7 +275,7 @@ def hard_constraints(terms: Sequence[Term]) -> list[WrittenTerm]:
 
 
 def left(terms: Sequence[Term], positions: Array) -> tuple[str, ...]:
-    """Return, in words, which constraints among terms a motion (N, n) leaves, and how far."""
+    """Return the constraints among terms, in words, that a motion (N, n) violates, and by how much."""
     found = [(term.name, term.excess(positions)) for term in hard_constraints(terms)]
     return tuple(
         f"term '{name}': its bounds are exceeded by {excess:.3g} at a waypoint"

@@ -88,7 +88,7 @@ class Terms:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A problem to be solved. It never changes; `refined` and others return a new one."""
+    """A planning problem, ready for a solver. It never changes; `refined` and others return a new one."""
 
     setup: Setup
     start: Array  # (n,)
@@ -113,12 +113,12 @@ class Problem:
 
     @property
     def scene(self) -> Scene:
-        """The task."""
+        """The scene of the problem."""
         return self.setup.scene
 
     @property
     def robot(self) -> Robot:
-        """Whose motion is planned."""
+        """The robot whose motion is planned."""
         return self.setup.robot
 
     @property

@@ -125,7 +125,7 @@ class Linkage(ReadOnly):
         return found
 
     def rule(self, joint: str) -> str:
-        """Return, in words, how a follower moves."""
+        """Return a follower's rule in words."""
         at = self.names.index(joint)
         leader = self.names[self.own[self.leader[at]]]
         add = float(self.offset[at])
