@@ -91,7 +91,7 @@ class PoseTarget(Checked):
     pose: Placement = NEEDED  # of the link's frame, in the world
     position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 1e-3  # of the link's origin [m]
     orientation_tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 1e-2
-    """How far its orientation may deviate, beside its free rotation [rad]."""
+    """The tolerance of its orientation, beside its free rotation [rad]."""
     free_rotation: Annotated[str, Choice(FREE_ROTATIONS)] = "none"
     """The axis of the link about which it may rotate freely: none, x, y, z, or all (any orientation)."""
     field: str = dataclasses.field(

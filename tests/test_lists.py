@@ -154,7 +154,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: picture._bodies(OF_TORUS),
         lambda: picture._bodies(OF_LIDAR),
     ),
-    ("planner/problem/assemble.py", "seen_anew", "seen"): "asks for clouds: they alone are seen anew",
+    ("planner/problem/assemble.py", "with_seen_points", "seen"): "asks for clouds: they alone are seen again",
     ("planner/proof/world_values.py", "plain_shape", "shape"): (
         lambda: world_values.plain_shape(Torus()),
         lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),

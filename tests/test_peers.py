@@ -1,4 +1,4 @@
-"""Benchmarks: what the peers of hdplan are given is the same problem, a run that was cut off goes on, and waiting takes
+"""Benchmarks: what the peers of hdplan are given is the same problem, an interrupted run continues, and waiting takes
 nothing from processor time."""
 
 from __future__ import annotations

@@ -117,7 +117,7 @@ def write_whole(path: Path, data: bytes) -> bool:
 @functools.cache
 def _warn_once(home: Path, why: str) -> None:
     warnings.warn(
-        f"the cache {home} {why}, so expensive results are computed anew each time: set HDPLAN_CACHE to a folder that "
+        f"the cache {home} {why}, so expensive results are computed again each time: set HDPLAN_CACHE to a folder that "
         "only you can write",
         stacklevel=4,
     )

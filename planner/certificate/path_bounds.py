@@ -91,7 +91,7 @@ class Stated(Protocol):
 
     @property
     def link(self) -> str:
-        """Whose it is."""
+        """The link of the constraint."""
         ...
 
     @property

@@ -7,7 +7,7 @@ in the meantime both add up,
     q(t) = q₁(t) + q₂(t − T₁ + τ) − q,    q where the first ends and the second begins,
 
 with the longest τ for which the link stays within the radius, and the limits hold, for which moves may be slowed; a
-shorter one, where that does not lead to a certificate. Where the path of such a sum, timed again (`timed_anew`), is
+shorter one, where that does not lead to a certificate. Where the path of such a sum, timed again (`retimed_path`), is
 driven sooner, and certified, it takes its place. The marks of stages are at the middles of the blends; each is
 certified as it is driven.
 """
@@ -22,7 +22,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdplan.planner.certificate.verdict import Certificate, Status
-from hdplan.planner.job.anew import timed_anew
 from hdplan.planner.job.blends import UnblendedError, quintic
 from hdplan.planner.job.certify import Proven, certified_stage
 from hdplan.planner.job.compound import LEAST_ROWS, MOST_ROWS, ROWS, Arc, Driven, Path, parts_of
@@ -31,6 +30,7 @@ from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.joining import Piece, exactly_timed, one_after_other
 from hdplan.planner.job.overlap import in_step, longest_overlap, overlapped, slowed
 from hdplan.planner.job.places import link_pose
+from hdplan.planner.job.retimed import retimed_path
 from hdplan.planner.job.stage_scenes import stage_setup, stage_source
 from hdplan.planner.job.stops import rests, with_stops
 from hdplan.planner.job.world import World
@@ -328,7 +328,7 @@ def _sooner(
         return
     added = [_added(units, [share * each for each in overlaps]) for share in OVERLAP_SHARES[:2]]
     speeds = np.array([worlds[0].scene.job.stages[k].speed for k in group])
-    for motion, marks in timed_anew(_as_one_motion(worlds[0], group), added, speeds, in_time):
+    for motion, marks in retimed_path(_as_one_motion(worlds[0], group), added, speeds, in_time):
         if motion.times is None or than.duration is None or motion.times[-1] >= than.duration:
             return
         begins, ends = units[0].motion.positions[0], units[-1].motion.positions[-1]

@@ -295,9 +295,9 @@ class Problem:
         says which cloud if there are several. Raises InputError for points that a `Cloud` refuses, and for a name that
         no cloud has.
         """
-        from hdplan.planner.problem.assemble import seen_anew
+        from hdplan.planner.problem.assemble import with_seen_points
 
-        return seen_anew(self, points, name)
+        return with_seen_points(self, points, name)
 
     def refined(self, intervals: list[int]) -> Problem:
         """A copy of the problem, sampled twice as densely on the given intervals."""

@@ -212,7 +212,7 @@ def longer(x: np.ndarray, axis: int, by: int) -> np.ndarray:
 
 
 def wrong_values(given: Any, optional: bool, others: Sequence[Any]) -> Iterator[Any]:
-    """What must be refused in the place of an argument, whatever its function."""
+    """Values that every function must refuse as an argument."""
     if not optional:
         yield None
     yield from ("text", b"12345678", object(), [[1.0]], {}, np.float64)

@@ -300,7 +300,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], bytes, dict[str, Any], Trees]:
     inflate = zlib.decompressobj()
     line, _, rest = inflate.decompress(data[len(MAGIC) :], MOST_BYTES).partition(b"\n")
     world, _, rest = rest.partition(b"\n")
-    need(inflate.eof and not inflate.unused_data, "the proof is cut short, too large, or goes on after its end")
+    need(inflate.eof and not inflate.unused_data, "the proof is cut short, too large, or continues after its end")
     need(max(len(line), len(world)) <= MOST_LINE, "the proof's head or world is too long")
     head, at, arrays = loads(line), 0, list[Any]()
     need(type(head) is dict and head.get("version") == VERSION, f"the proof is not of version {VERSION}")

@@ -25,7 +25,7 @@ jax = pytest.importorskip("jax")
 BOX, CAPSULE = ConvexBody.box([1.0, 0.6, 0.4]), ConvexBody.capsule(0.15, 0.8)
 POINT = ConvexBody.from_points([[0.1, 0.0, 0.0]])
 EVERYTHING = "paper-multiset+sphere-4+centre+edges"
-COUNT = 8  # poses; one number, as every other compiles anew
+COUNT = 8  # poses; one number, as every other one needs a compilation
 ROUNDING = {"float64": 32 * float(np.finfo(np.float64).eps), "float32": 32 * float(np.finfo(np.float32).eps)}
 
 

@@ -1,4 +1,4 @@
-"""A run loses nothing: wherever it stops, the same command goes on there and ends with the same files."""
+"""A run loses nothing: wherever it stops, the same command continues there and ends with the same files."""
 
 from __future__ import annotations
 

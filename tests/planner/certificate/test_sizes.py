@@ -88,7 +88,7 @@ def test_no_world_within_the_sizes_is_closer_than_what_is_proven(robot: str) -> 
 
 @pytest.mark.parametrize("robot", HOMES)
 def test_places_at_an_instant_are_those_of_an_interval_without_length(robot: str) -> None:
-    """Places taken from a longer interval are those computed anew, with unknown joints and things that drift."""
+    """Places taken from a longer interval equal new ones, with unknown joints and things that drift."""
     home, more = HOMES[robot]
     scene, motion = random_scene(1, robot, home, **more)
     setup, rng = Setup.of(scene), np.random.default_rng(1)

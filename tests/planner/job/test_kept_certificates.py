@@ -1,4 +1,4 @@
-"""Laws of certificates that are kept from planning: of nothing but the same, and no other than those made anew."""
+"""Laws of certificates that are kept from planning: only of equal stages, and equal to new ones."""
 
 from __future__ import annotations
 

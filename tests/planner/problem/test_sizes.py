@@ -77,8 +77,8 @@ def test_other_sizes_equal_those_of_a_new_problem(changes: dict[str, bool]) -> N
         graph = graph_of(problem, exact, movable)
         for _ in range(2):
             shapes = {name: grown(shape, rng) for name, shape in SHAPES.items()}
-            anew, positions = build(with_shapes(problem.scene, shapes)), motion(problem, rng, 0.8)
-            expected = loops_at(anew, positions, exact)
+            rebuilt, positions = build(with_shapes(problem.scene, shapes)), motion(problem, rng, 0.8)
+            expected = loops_at(rebuilt, positions, exact)
             agreed(graph(positions.ravel(), SymbolicPenalty(problem, exact).values({}, shapes)), expected)
             seen = max(seen, expected[0])
     assert seen > 0.0
@@ -105,11 +105,11 @@ def test_generated_c_takes_other_sizes() -> None:
     compiled = RowFunction(ca.Function("sizes_in_c", given, [cost, ca.gradient(cost, program.x)]))
     for _ in range(3):
         shapes = {name: grown(shape, rng) for name, shape in SHAPES.items()}
-        anew, positions = build(with_shapes(program.problem.scene, shapes)), motion(program.problem, rng, 0.8)
+        rebuilt, positions = build(with_shapes(program.problem.scene, shapes)), motion(program.problem, rng, 0.8)
         positions[[0, -1]] = program.problem.start, program.problem.goal
         x, p = program.guess(positions), program.values(1e4, sizes=shapes)
         value, _ = compiled.once(x, p)
-        assert float(value[0]) == pytest.approx(anew.evaluate(positions, 1e4).cost, rel=1e-9)
+        assert float(value[0]) == pytest.approx(rebuilt.evaluate(positions, 1e4).cost, rel=1e-9)
 
 
 @pytest.mark.parametrize("changes", [{}, {"moving": True}, {"swept": True}], ids=str)

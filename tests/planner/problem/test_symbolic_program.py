@@ -207,11 +207,11 @@ def test_moved_obstacles_equal_those_of_a_new_problem(name: str) -> None:
     for _ in range(3):
         poses = {each.name: turned(each.pose.matrix, rng) for each in problem.scene.obstacles}
         quaternions = {key: Rotation.from_matrix(pose[:3, :3]).as_quat() for key, pose in poses.items()}
-        anew = tuple(
+        rebuilt = tuple(
             dataclasses.replace(each, pose=hdplan.Pose(poses[each.name][:3, 3], quaternions[each.name]))
             for each in problem.scene.obstacles
         )
-        moved = build(dataclasses.replace(problem.scene, obstacles=anew))
+        moved = build(dataclasses.replace(problem.scene, obstacles=rebuilt))
         positions = motion(problem, rng)
         for found, expected in zip(
             graph(positions.ravel(), penalty.values(poses)), loops_at(moved, positions), strict=True
@@ -264,12 +264,12 @@ def test_another_start_and_goal_share_the_graph() -> None:
     assert moved.f is program.f
     np.testing.assert_array_equal(moved.bounds["lbx"][: len(start)], start)
     np.testing.assert_array_equal(moved.bounds["ubg"][-len(goal) :], goal)
-    anew = dataclasses.replace(problem, start=start, goal=goal)
-    positions = motion(anew, rng)
+    rebuilt = dataclasses.replace(problem, start=start, goal=goal)
+    positions = motion(rebuilt, rng)
     positions[[0, -1]] = start, goal
     cost = ca.Function("cost", [program.x, program.p], [program.f])
     assert float(cost(moved.guess(positions), program.values(WEIGHT))) == pytest.approx(
-        anew.evaluate(positions, WEIGHT).cost, rel=ROUNDING
+        rebuilt.evaluate(positions, WEIGHT).cost, rel=ROUNDING
     )
     with pytest.raises(InputError, match="start: joint 'shoulder' is beyond its limits"):
         program.between([99.0, 0.0], goal)

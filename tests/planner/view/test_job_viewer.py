@@ -279,7 +279,7 @@ def test_what_is_saved_is_read_again_and_certified(
 
 
 def test_by_mouse_a_job_is_planned_and_a_stage_is_gone_to(browser: Any, tab: Any) -> None:
-    """The Plan button plans it, and a click on a stage leads to where it begins, also if its line is written anew
+    """The Plan button plans it, and a click on a stage leads to where it begins, also if its line is rewritten
     meanwhile."""
     from tests.planner.view.in_browser import press
 
