@@ -30,7 +30,7 @@ KEYS = {
 
 
 @pytest.mark.parametrize("ending", ["json", "csv", "npz", "joint_trajectory.yaml", "robot_trajectory.yaml", "mcap"])
-def test_what_plan_writes_check_certifies(hdplan: Command, ending: str) -> None:
+def test_check_certifies_the_output_of_plan(hdplan: Command, ending: str) -> None:
     planned = hdplan("plan", "planar_arm", "-o", f"motion.{ending}")
     assert (planned.code, planned.err) == (0, "")
     assert planned.out.startswith("certified: at least ")

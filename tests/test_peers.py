@@ -93,7 +93,7 @@ def outcome(problem: str, verdict: str = "certified", energy: float = 1.5) -> qu
     )
 
 
-def test_what_was_measured_is_kept(tmp_path: Path) -> None:
+def test_finished_measurements_are_kept(tmp_path: Path) -> None:
     file = tmp_path / "quality.csv"
     done = [outcome("0001"), outcome("0002", 'in contact: "a", b', np.nan), outcome("0003")]
     assert list(kept(file, quality.Outcome, [], iter(done))) == done

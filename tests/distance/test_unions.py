@@ -406,7 +406,7 @@ def test_a_union_lists_its_pieces():
         ([BODIES["box"], [BODIES["box"]]], r"pieces\[1\]: found a list of 1, allowed is a ConvexBody or a union"),
     ],
 )
-def test_what_is_no_union_is_refused(pieces, words):
+def test_invalid_unions_are_refused(pieces, words):
     with pytest.raises(InputError, match=words):
         ConvexBody.union(pieces)
 

@@ -199,7 +199,9 @@ def test_a_paced_path_keeps_to_the_speeds(sweep: Trajectory, robot: Robot) -> No
 @pytest.mark.parametrize("timed", [False, True])
 @pytest.mark.parametrize("jerk", [40.0, 88.0, 500.0])
 @pytest.mark.parametrize("acceleration", [2.0, 5.0, 15.0])
-def test_it_arrives_without_overshoot_within_any_limits(acceleration: float, jerk: float, timed: bool) -> None:
+def test_the_follower_arrives_without_overshoot_within_any_limits(
+    acceleration: float, jerk: float, timed: bool
+) -> None:
     """Random motions, without times or much faster than the limits allow: no joint passes its goal or its limits, and
     what waits for no obstacle stays by the motion."""
     rng = np.random.default_rng(int(acceleration + jerk))

@@ -47,7 +47,7 @@ def planned() -> tuple[hdplan.Scene, Trajectory]:
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda_carry", "ur5_ceiling", "ur5_payload", "xarm7_post", "kinova_shelf"])
-def test_it_has_the_mechanics_of_the_robot(name: str) -> None:
+def test_the_mujoco_model_has_the_mechanics_of_the_robot(name: str) -> None:
     """Mass matrix, gravity and Coriolis forces, at random configurations and speeds; with loads, from the ceiling."""
     setup = Setup.of(hdplan.load_scene(name))
     robot, scene = setup.robot, setup.scene

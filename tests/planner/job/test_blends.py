@@ -461,7 +461,7 @@ def _certified(scene: hdplan.Scene, result: JobResult) -> bool:
         (["line: {by: [0, 0, 0.1], link: panda_hand}, blend: 0.05", DOWN], "panda_hand"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_blended_is_one_line(tmp_path: Path, stages: list[str], words: str) -> None:
+def test_an_impossible_blend_is_one_line(tmp_path: Path, stages: list[str], words: str) -> None:
     names = ("first", "second", "third")
     listed = "".join(f"  - {{name: {name}, {stage}}}\n" for name, stage in zip(names, stages, strict=False))
     file = tmp_path / "job.yaml"

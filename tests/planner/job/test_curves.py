@@ -246,7 +246,7 @@ def test_a_scene_names_a_table_of_poses(tmp_path: Path) -> None:
         (lambda: hdplan.Along(EIGHT), r"stage|along.poses: the first is .* away from where the link is"),
     ],
 )
-def test_what_is_no_curve_is_refused_in_one_line(stage: Any, words: str) -> None:
+def test_invalid_curves_are_refused_in_one_line(stage: Any, words: str) -> None:
     with pytest.raises(InputError, match=words) as error:
         hdplan.plan_job(job_of(stage()))
     assert "\n" not in str(error.value)

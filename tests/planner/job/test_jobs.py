@@ -230,7 +230,7 @@ def test_touching_is_for_the_stages_that_say_so(scene: Scene, planned: JobResult
     )
 
 
-def test_what_is_held_is_compared_with_all_else(scene: Scene, planned: JobResult) -> None:
+def test_held_objects_are_compared_with_everything_else(scene: Scene, planned: JobResult) -> None:
     """A bar that only the can meets, and a can that is longer than the one that was planned."""
     motion = planned.trajectory
     low = hdplan.Obstacle("bar", hdplan.Box([0.02, 0.02, 0.02]), [0.5, -0.3, 0.14])
@@ -288,7 +288,7 @@ def test_a_released_object_is_an_obstacle_at_its_place(scene: Scene, planned: Jo
         ),
     ],
 )
-def test_what_cannot_be_done_is_one_line(scene: Scene, number: int, fields: dict[str, Any], words: str) -> None:
+def test_an_impossible_job_is_one_line(scene: Scene, number: int, fields: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
         hdplan.plan_job(with_stages(scene, (number, fields)))
     assert "\n" not in str(caught.value)

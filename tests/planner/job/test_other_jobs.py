@@ -149,7 +149,7 @@ limits: {acceleration: 4}
         ),
     ],
 )
-def test_what_no_job_can_be_is_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:
+def test_invalid_jobs_are_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "job.yaml").write_text(JOB + text + "\n", encoding="utf-8")
     with pytest.raises(InputError, match=words) as caught:
         hdplan.load_scene(tmp_path / "job.yaml")

@@ -36,7 +36,7 @@ def test_the_loop_equals_numpy(name: str, monkeypatch: pytest.MonkeyPatch) -> No
     np.testing.assert_allclose(local, chain.local_reach(rho, joints, *at), rtol=1e-13, atol=1e-15)
 
 
-def test_what_is_not_a_number_proves_nothing() -> None:
+def test_nan_proves_nothing() -> None:
     chain = Chain.of(load_robot(RobotSpec("panda")).model)
     n, joints = len(chain.axes), np.array([len(chain.axes)])
     rho = chain.reach_around(joints, np.array([[0.1, -0.1, 0.1]]), np.zeros((n, 2)))

@@ -147,7 +147,7 @@ def test_parameters_of_sizes_are_found_by_name() -> None:
         assert program.pose_of(name).numel() == 12 * (len(program.problem.samples.weight) if name == "beam" else 1)
 
 
-def test_what_is_no_size_is_refused() -> None:
+def test_invalid_sizes_are_refused() -> None:
     program = problem_of().casadi(form="symbolic")
     ball = hdplan.Sphere(0.2)
     for sizes, message in (

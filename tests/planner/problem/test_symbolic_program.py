@@ -370,7 +370,7 @@ def test_every_term_is_written_or_refused() -> None:
         problem.casadi(form="graph")
 
 
-def test_what_is_no_pose_is_refused() -> None:
+def test_values_that_are_not_a_pose_are_refused() -> None:
     program = problem_of("planar_arm").casadi(form="symbolic")
     name = program.problem.scene.obstacles[0].name
     with pytest.raises(InputError, match=r"poses: no obstacle is named 'nothing'"):

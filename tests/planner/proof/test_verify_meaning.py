@@ -199,7 +199,7 @@ WHOLE = {
 
 
 @pytest.mark.parametrize("kind", WHOLE)
-def test_what_is_certified_is_proven_whole(kind: str, tmp_path: Path) -> None:
+def test_certified_motions_are_proven_in_full(kind: str, tmp_path: Path) -> None:
     two = files(tmp_path, WHOLE[kind][0], {**MOTION, **WHOLE[kind][1]})
     assert hdplan.prove(*two).text.startswith("accepted:")
 

@@ -60,7 +60,7 @@ def says_the_truth(page: Any, viewer: Viewer) -> None:
 
 
 @pytest.mark.parametrize("by", ["delete", "z", "reset"])
-def test_what_is_dragged_is_taken_away(tab: Tabs, viewer: Viewer, by: str) -> None:
+def test_an_obstacle_is_removed_during_its_drag(tab: Tabs, viewer: Viewer, by: str) -> None:
     """By another tab, or by the other hand at the keyboard; the first keeps pulling, and lets go late."""
     page, first = tab(address(viewer)), viewer.edited
     dragging(page, viewer)

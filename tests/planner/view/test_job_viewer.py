@@ -77,7 +77,7 @@ def says(viewer: JobViewer) -> str:
     return "good" if "hd-badge hd-good" in words else "bad" if "hd-badge hd-bad" in words else "nothing"
 
 
-def test_what_is_shown_follows_the_stages(opened: Open, scene: Scene, planned: JobResult) -> None:
+def test_the_shown_scene_follows_the_stages(opened: Open, scene: Scene, planned: JobResult) -> None:
     viewer = opened(scene, planned.trajectory)
     assert says(viewer) == "good"
     nodes = {node.obstacle.name: node for node in viewer.obstacles}

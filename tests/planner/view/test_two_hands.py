@@ -58,7 +58,7 @@ def names(viewer: Viewer) -> list[str]:
     return [obstacle.name for obstacle in viewer.scene.obstacles]
 
 
-def test_what_is_deleted_while_it_is_dragged_is_neither_selected_nor_dragged(viewer: Viewer) -> None:
+def test_a_deleted_obstacle_is_neither_selected_nor_dragged(viewer: Viewer) -> None:
     handle = viewer.panel.handles._handle
     pulled(viewer, handle, (-0.02, 0.0, 0.0))
     assert viewer.panel.handles.dragging
