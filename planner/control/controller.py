@@ -97,8 +97,8 @@ class Step:
     gave: tuple[int, ...]  # the pairs whose barrier the command does not meet, rows of Barriers.names
     overlapping: tuple[int, ...]  # the pairs whose hulls overlap on the way on which the robot brakes, rows of the same
     proven: float | None
-    """A lower bound of the true clearance from moving links to obstacles, and from fixed links to moving obstacles, over
-    the whole period [m]; None: no proof.
+    """A lower bound of the true clearance from moving links to obstacles, and from fixed links to moving obstacles,
+    over the whole period [m]; None: no proof.
     """
     distance_seconds: float
     program_seconds: float
