@@ -95,7 +95,7 @@ class Bounds:
 
     @cached_property
     def _grouped(self) -> tuple[Array, Array, Index] | None:
-        """Balls around static bodies, by the cubes of a grid: their middles (g, 3) and radii (g,) [m], and the column of
+        """Balls around static bodies, by cubes of a grid: their middles (g, 3) and radii (g,) [m], and the column of
         each pair's first body and group (P,)."""
         bodies, (_, first) = self.bodies, self._first
         still = ~(bodies.chain.carried_by[bodies.joint].any(axis=1) | bodies.drifting)
