@@ -77,6 +77,11 @@ class Barriers:
         supports = np.vstack([kinematics.supports, np.zeros((len(movers), kinematics.n), dtype=np.bool_)])
         own = _own_pairs(kinematics, tuple(bodies), tuple(self_pairs), self.hulls, settings)
         levels = [own] if own else []  # pairs of obstacles, and of links
+        fixed = np.array([a for a, body in enumerate(bodies) if body.joint == 0], dtype=np.int64)
+        met = np.stack(np.meshgrid(fixed, np.arange(len(standing), len(others)), indexing="ij"), axis=-1).reshape(-1, 2)
+        self._fixed = (
+            PairLevel(bodies, others, met, grown, supports, self.hulls, others, settings) if len(met) else None
+        )
         if len(outer):
             levels.insert(0, PairLevel(bodies, others, outer, grown, supports, self.hulls, others, settings))
         self._names = (bodies, others.names, outer, self_pairs)
@@ -140,6 +145,14 @@ class Barriers:
         """Return Δ and its derivatives of all pairs at configuration q (n,) and a time [s]."""
         return self.at(q[None], np.array([time])).rows(np.zeros(self.count, np.int64), np.arange(self.count))
 
+    def of_fixed_links(self, path: Array, times: Array) -> float:
+        """Return the least Δ [m] of links that no joint moves to moving obstacles, at configurations (k, n) and times
+        (k,) [s]: no command changes it, so these pairs have no row; infinite if there are none."""
+        if self._fixed is None:
+            return np.inf
+        sample, pair = np.indices((len(path), len(self._fixed.pairs))).reshape(2, -1)
+        return float(self._fixed.outer.distance(self.at(path, times).kinematics, sample, pair)[0].min())
+
     def at(self, path: Array, times: Array) -> Moment:
         """Return the pairs at configurations (k, n) and times (k,) [s]."""
         kinematics = self.kinematics.evaluate(self.robot.expand(path))
@@ -154,7 +167,7 @@ def _can_meet(robot: Robot, bodies: Sequence[LinkBody], others: Pieces, standing
     """Return the pairs (P, 2) of bodies that can come as close as ALWAYS_APART within the joint limits, grown by
     `margins` [m]; the first `standing` of the others stand still.
 
-    Fixed links are in no pair: if a moving obstacle hits one, no motion of the robot can prevent it.
+    Fixed links are in no pair: if a moving obstacle hits one, no motion of the robot can prevent it (`of_fixed_links`).
     """
     boxes, half = others.boxes[:standing], others.half_sizes[:standing] + margins[:standing, None] + ALWAYS_APART
     moving, found, gaps = np.arange(standing, len(others)), [np.empty((0, 2), dtype=np.int64)], dict[bytes, Array]()

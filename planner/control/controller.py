@@ -97,7 +97,8 @@ class Step:
     gave: tuple[int, ...]  # the pairs whose barrier the command does not meet, rows of Barriers.names
     overlapping: tuple[int, ...]  # the pairs whose hulls overlap on the way on which the robot brakes, rows of the same
     proven: float | None
-    """A lower bound of the true clearance from moving links to obstacles, over the whole period [m]; None: no proof.
+    """A lower bound of the true clearance from moving links to obstacles, and from fixed links to moving obstacles,
+    over the whole period [m]; None: no proof.
     """
     distance_seconds: float
     program_seconds: float
@@ -258,7 +259,7 @@ class Controller:
             int(seen.pairs[closest]) if len(slacks) else -1,
             gave,
             tuple(np.flatnonzero(seen.near < 0.0).tolist()),
-            self._proven(velocity, seen, kept),
+            self._proven(velocity, seen, kept, q, time),
             distances,
             perf_counter() - began - distances,
         )
@@ -287,10 +288,12 @@ class Controller:
         rows.append(joint_constraints(self.settings.rate * beyond, window.q > robot.upper, self.rates.velocity, base))
         return reduce(SoftConstraints.with_rows, rows)
 
-    def _proven(self, velocity: Array, seen: Seen, kept: bool) -> float | None:
+    def _proven(self, velocity: Array, seen: Seen, kept: bool, q: Array, time: float) -> float | None:
         """Return the proven clearance over the period: that at its ends, less the travel to its middle."""
-        outer = seen.pairs < self.barriers.obstacle_pairs
-        if self._clearance is None or not kept or (seen.here.value[outer] < self.settings.margin).any():
+        outer, margin = seen.pairs < self.barriers.obstacle_pairs, self.settings.margin
+        if self._clearance is None or not kept or (seen.here.value[outer] < margin).any():
+            return None
+        if self.barriers.of_fixed_links(np.stack([q, q]), time + np.array([0.0, self.settings.period])) < margin:
             return None
         speed = float(np.abs(velocity) @ self.barriers.levers) + self.barriers.obstacle_speed
         return self._clearance - 0.5 * self.settings.period * speed

@@ -462,6 +462,17 @@ def test_a_ball_that_comes_is_given_way_to(count: int, robot: Robot) -> None:
     assert met >= count / 3
 
 
+def test_what_comes_to_a_link_that_no_joint_moves_ends_the_proof(robot: Robot) -> None:
+    """No command can prevent the contact, so the pair has no row: the command is the same, and nothing is proven."""
+    ball = Obstacle("ball", Sphere(0.1), Pose((-1.5, 0.0, 0.05)), motion=SteadyMotion((0.5, 0.0, 0.0)))
+    controller, ready = Controller.of(scene_of(ball), ControlSettings(), robot), np.array(READY)
+    free, met = (controller.step(ready, standing(ready), time) for time in (0.0, 2.6))
+    assert {"panda_link0"}.isdisjoint(link for link, _ in controller.barriers.names)
+    assert free.proven is not None
+    assert met.proven is None
+    assert met.mode is Mode.MOVING
+
+
 @pytest.mark.parametrize("starts", [3, pytest.param(6, marks=pytest.mark.slow)])
 def test_static_obstacles_keep_their_margins_beside_fast_moving_ones(starts: int, robot: Robot) -> None:
     """A fast ball drives the arm among boxes: of what stands nothing falls below its margin, or further below."""
