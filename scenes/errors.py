@@ -27,6 +27,19 @@ class InputError(HdplanError):
     """Bad input: a file, a field, a name or a number. The command line ends with exit code 2."""
 
 
+class MissingFileError(InputError):
+    """A file that another one names, and that does not exist: it may come later, where files are followed."""
+
+    def __init__(self, text: str, file: str) -> None:
+        """Take the message and the file's path."""
+        super().__init__(text)
+        self.file = file
+
+    def __reduce__(self) -> tuple[type, tuple[str, str]]:
+        """Pickle both."""
+        return type(self), (self.args[0], self.file)
+
+
 class UnsolvableError(InputError):
     """A problem that is well written and cannot be solved as it stands: `cause` is a word for why, such as
     "end_in_contact", and `by` are names of what shuts a goal off."""
