@@ -36,7 +36,8 @@ class Source:
 
     def __init__(self, own: Seen, read: Callable[[], Seen | None], others: Seen | None = None) -> None:
         """Take its files and those that they name, as they were before they were read, and what reads them again: it
-        returns the others that are named by then, or None where they are not known. It is called by the thread that looks."""
+        returns the others that are named by then, or None where they are not known. It is called by the thread that
+        looks."""
         self._own, self._read = tuple(own), read
         self._known = {**own, **(others or {})}
         self._at_last_look: Seen = self._known
