@@ -69,8 +69,8 @@ def says_the_truth(page: Any, viewer: Viewer) -> None:
 
 
 @pytest.mark.parametrize("by", ["delete", "z", "file"])
-def test_what_is_dragged_is_taken_away(tab: Tabs, viewer: Viewer, tmp_path: Path, by: str) -> None:
-    """By another tab, by the other hand at the keyboard, or from the file; the first goes on pulling, and lets go
+def test_an_obstacle_is_removed_during_its_drag(tab: Tabs, viewer: Viewer, tmp_path: Path, by: str) -> None:
+    """By another tab, by the other hand at the keyboard, or from the file; the first keeps pulling, and lets go
     late."""
     page, first = tab(address(viewer)), viewer.edited
     dragging(page, viewer)
@@ -104,7 +104,7 @@ def test_what_is_dragged_is_taken_away(tab: Tabs, viewer: Viewer, tmp_path: Path
     says_the_truth(page, viewer)
 
 
-def test_who_watches_can_press_nothing(tab: Tabs, viewer: Viewer) -> None:
+def test_a_watching_browser_cannot_press_buttons(tab: Tabs, viewer: Viewer) -> None:
     page, before = tab(viewer.address(watch=True)), viewer.edited
     assert f"/{WATCH}/" in page.url
     page.get_by_text(WATCHING).wait_for()
