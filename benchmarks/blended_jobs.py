@@ -61,7 +61,7 @@ def at_rest(scene: hdplan.Scene) -> hdplan.Scene:
 
 
 def duration(scene: hdplan.Scene, time_limit: float) -> float | str:
-    """Return how long the certified motion of a job takes [s], or why there is none."""
+    """Return the duration of a job's certified motion [s], or the reason why there is none."""
     try:
         result = hdplan.plan_job(scene, time_limit=time_limit)
     except hdplan.HdplanError as error:

@@ -1,4 +1,4 @@
-"""Outcomes of a campaign of random changes by their kind, kept in a file so that it goes on where it was ended."""
+"""Outcomes of a campaign of random changes by their kind, kept in a file so that it continues where it ended."""
 
 from __future__ import annotations
 

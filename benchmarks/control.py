@@ -152,7 +152,7 @@ def steps(obstacles: int = 10, runs: int = 20) -> None:
 
 
 def updates(count: int = 20) -> None:
-    """Time the controller of a world seen anew."""
+    """Time the controller's update of its world."""
     rng = np.random.default_rng(2)
     table = np.column_stack([rng.uniform((0.3, -1.0), (1.2, 1.0), (50_000, 2)), np.zeros(50_000)])
     wall = np.column_stack([np.full(50_000, 1.2), rng.uniform((-1.0, 0.0), (1.0, 1.2), (50_000, 2))])

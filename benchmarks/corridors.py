@@ -116,7 +116,7 @@ def compared(make: Made, robot: Robot, scene: Scene, settings: ControlSettings) 
 
 
 def cases() -> dict[str, tuple[Made, ControlSettings]]:
-    """Return what is compared: bodies and controller, by name."""
+    """Return the cases: bodies and controller, by name."""
     as_safe = VARIANTS[NAMES.index(AS_SAFE)]
     grown = replace(as_safe.settings, barriers=replace(as_safe.settings.barriers, growth=as_safe.growth))
     return {
@@ -131,7 +131,7 @@ def cases() -> dict[str, tuple[Made, ControlSettings]]:
 
 
 def entered(words: str, parallel: bool, seed: int) -> tuple[float, ...]:
-    """Return what `compared` does of one of the cases in one corridor."""
+    """Return the row of `compared` for one case in one corridor."""
     make, settings = cases()[words]
     return compared(make, load_scene_robot(corridor_scene()), corridor(seed, parallel), settings)
 

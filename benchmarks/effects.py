@@ -117,7 +117,7 @@ def measure(scenes: tuple[Scene, ...], repeat: int) -> list[Cost]:
 
 
 def look(problem: hdplan.Problem) -> float:
-    """Return what an evaluation at the straight line takes [s], the median of a few."""
+    """Return the time of an evaluation at the straight line [s], the median of a few."""
     line = np.linspace(problem.start, problem.goal, problem.waypoints)
     taken = []
     for _ in range(LOOKS):

@@ -33,14 +33,14 @@ LIMITS = hdplan.Limits(velocity="urdf", acceleration=7.5, jerk=500)
 SCENES = ("panda_cage", "panda_bookshelf", "panda_gate", "kinova_shelf", "ur5_table", "ur5_ceiling", "xarm7_post")
 JOBS = ("panda_pick_place",)
 REPLANNER = "replanner"
-MARGIN, ROUNDS = 1.5, 4  # of the tube over the errors that were measured before; how often it is planned anew
+MARGIN, ROUNDS = 1.5, 4  # of the tube over the errors that were measured before; how often it is planned again
 LAG, LAG_SPEED = 0.01, 0.4  # [rad], [rad/s] the tube of the replanner
 
 Row = dict[str, str | float | None]
 
 
 def executed(scene: hdplan.Scene, motion: Trajectory) -> tuple[Any, float]:
-    """Return what was executed, and the least exact distance [m] at any step of it."""
+    """Return the executed motion, and the least exact distance [m] at any step of it."""
     setup = Setup.of(scene)
     done = execute_in_mujoco(setup, fitting(setup, motion))
     return done, least(setup, done.positions, done.times)

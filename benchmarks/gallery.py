@@ -3,7 +3,7 @@
     python benchmarks/gallery.py FOLDER [SCENE ...] [--processor-time]
 
 Each scene is planned, its proof written, and FOLDER/SCENE.html made, with the planes of the proof; of a job, with its
-stages. The docs' pictures, docs/gallery/SCENE.png, are drawn anew, and, without names of scenes, docs/gallery.md with
+stages. The docs' pictures, docs/gallery/SCENE.png, are drawn again, and, without names of scenes, docs/gallery.md with
 all of them. The pictures need chromium and Pillow. The exit code is 1 if a scene has no certified motion, or a page of
 more than 2 MB; docs/gallery.md stays as it is then.
 """

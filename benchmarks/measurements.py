@@ -44,7 +44,8 @@ class Failed(Exception):
 
 
 def blocks(page: str) -> dict[str, str]:
-    """Return what each block of a page holds, by its command. Raises ValueError for a block without begin or end."""
+    """Return the content of each block of a page, by its command. Raises ValueError for a block without begin or
+    end."""
     found = BLOCK.findall(page)
     if not len(found) == page.count(BEGIN) == page.count(END):
         raise ValueError(f"every '{BEGIN}COMMAND -->' needs its '{END}', each on a line of its own")

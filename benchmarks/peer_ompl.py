@@ -24,7 +24,7 @@ util.setLogLevel(util.LOG_NONE)  # else OMPL complains whenever its generator is
 
 def solve(task: Task, planner: str, resolution: float | None, margin: float, seed: int, time_limit: float) -> Answer:
     """Plan with OMPL's geometric planner of that name, edges checked at steps of `resolution` [rad] (OMPL's default
-    without), bodies kept `margin` [m] apart. A planner that goes on for better paths uses the whole time limit."""
+    without), bodies kept `margin` [m] apart. A planner that keeps improving its path uses the whole time limit."""
     began = time.process_time()
     util.RNG.setSeed(seed)  # of all generators made later; 0 would be ignored
     setup = simple_setup(task.lower, task.upper, task.start, task.goal)

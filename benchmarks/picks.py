@@ -287,7 +287,7 @@ def job(number: int, folder: Path) -> dict[str, Any]:
 
 
 def _standing(rng: np.random.Generator, boards: list[Board]) -> dict[str, tuple[Board, np.ndarray, float]]:
-    """Return where all objects stand: on which board, their middles, and how they are turned."""
+    """Return the places of all objects: board, middle, and turn."""
     taken: list[tuple[np.ndarray, float]] = []
     stand = {}
     for each, kind in KINDS.items():

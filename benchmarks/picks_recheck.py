@@ -99,7 +99,7 @@ class Scene:
         return pose
 
     def poses(self) -> np.ndarray:
-        """Return where all bodies are (B, 4, 4)."""
+        """Return the poses of all bodies (B, 4, 4)."""
         return np.array([*(at.homogeneous for at in self.at.oMg), *(self.places[name] for name in self.shapes)])
 
     def numbers(self, name: str) -> list[int]:
@@ -107,7 +107,7 @@ class Scene:
         return [i for i, owner in enumerate(self.names) if owner == name]
 
     def pairs(self, touch: set[frozenset[str]]) -> Pairs:
-        """Return what is compared in a stage in which some may touch, with what is held now."""
+        """Return the pairs that are compared in a stage in which some may touch, with what is held now."""
         free = set(self.shapes) - set(self.held) - {name for pair in touch for name in pair}
         found = [*self.self_pairs]
         for name in self.shapes:
@@ -279,7 +279,7 @@ def recheck(scene: dict[str, Any], folder: Path, motion: Path, step: float = STE
 
 
 def _fingers(stage: dict[str, Any]) -> dict[str, float]:
-    """Return where a stage brings fingers."""
+    """Return the finger positions at the end of a stage."""
     hand = stage.get("grip") or stage.get("release") or {}
     found: dict[str, float] = hand.get("joints", {})
     return found

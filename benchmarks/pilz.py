@@ -139,7 +139,7 @@ def simulated(robot: Robot, command: Command, begin: tuple[np.ndarray, Rotation]
 
 
 def blended(one: Any, other: Any, radius: float) -> tuple[Any, Any, Any]:
-    """Return what is left of two curves, and between them Pilz' transition window."""
+    """Return the remainders of two curves, and between them Pilz' transition window."""
     (x1, r1), (x2, r2) = one, other
     enters = int(np.flatnonzero(np.linalg.norm(x1 - x1[-1], axis=1) >= radius)[-1]) + 1
     leaves = int(np.flatnonzero(np.linalg.norm(x2 - x2[0], axis=1) >= radius)[0])

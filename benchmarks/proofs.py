@@ -8,7 +8,7 @@ row per robot; to the error stream, a line per problem. All times are of the pro
 a scene that is set up already; those to write, less that call, and to check include reading scene, robot and meshes.
 Of writing, a part is the checker's: it reads the files again, makes its own world of them, compares, and checks each
 leaf that is written. "At hand":
-written of a plan of this process, as `hdplan plan --proof` does, which neither reads nor certifies anew.
+written of a plan of this process, as `hdplan plan --proof` does, which neither reads nor certifies again.
 """
 
 from __future__ import annotations

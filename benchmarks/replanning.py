@@ -146,8 +146,8 @@ PRESENT = Senses(off=0.0, every=PERIOD, after=(0.0, 0.0), lag=0.0, latency=0.0, 
 
 
 def cause(command: hdplan.Command, room: float, at_goal: float, due: float) -> str:
-    """Return what kept a step from proving a motion, by the words of its command; `room` [m] is left around the robot,
-    `at_goal` around a robot at its goal, and `due` for a motion that ends at once."""
+    """Return the cause that kept a step from proving a motion, by the words of its command; `room` [m] is left around
+    the robot, `at_goal` around a robot at its goal, and `due` for a motion that ends at once."""
     if not command.why:
         return {"moving": "proven", "arrived": "at its goal"}.get(command.mode.value, "waits")
     if command.why.startswith("the step took"):
@@ -253,7 +253,7 @@ def run(seed: int, seconds: float, senses: Senses) -> dict[str, Any]:
 
 
 def _driven(runs: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return what runs of one kind showed of the robot."""
+    """Return the results of runs of one kind for the robot."""
     causes = sum((Counter(each["causes"]) for each in runs), Counter[str]())
     steps = causes.total() / 100
     return {
@@ -267,7 +267,7 @@ def _driven(runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def table(outcomes: list[Outcome]) -> str:
-    """Return what all runs showed."""
+    """Return the results of all runs."""
     cycles, ways, pictures = (
         1e3 * np.array([getattr(each, name) for each in outcomes]) for name in ("cycle", "way", "picture")
     )

@@ -68,7 +68,7 @@ def box(index: int, at: np.ndarray) -> Any:
 
 
 def trial(seed: int, count: int, spec: hdplan.RobotSpec, seconds: float) -> dict[str, Any]:
-    """Return what came out of one trial."""
+    """Return the outcome of one trial."""
     scene, places = scene_of(seed, count, spec)
     beside, clock = Beside(), [0.0, 0.0]
 

@@ -70,7 +70,7 @@ class Past:
 
 
 def goals_of_who_knows(past: Past, scene: hdplan.Scene, goals: list[np.ndarray], seconds: float) -> tuple[int, float]:
-    """Return how many goals a planner that knows the future reaches, and when it does the first [s]."""
+    """Return the number of goals that a planner with knowledge of the future reaches, and the time of the first [s]."""
     robot = hdplan.build(scene).robot
     at, t, reached, first, tries = robot.configuration(scene.start), 0.0, 0, float("inf"), 0
     while t < seconds:

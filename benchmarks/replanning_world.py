@@ -157,7 +157,7 @@ def apart(one: Any, there: Any, other: Any, place: Any) -> float:
 
 
 def extent(shape: Any, place: Any, way: np.ndarray) -> float:
-    """Return how far a convex shape goes along a unit vector."""
+    """Return the support of a convex shape along a unit vector."""
     local = place.getRotation().T @ way
     at = float(way @ place.getTranslation())
     match shape:

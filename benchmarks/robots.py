@@ -47,7 +47,7 @@ from hdplan.scenes.shapes import Box, Sphere
 HEAD = ("robot", "joints", "links", "bodies", "outside mm", "certified", "load", "fit", "build", "solve", "certify")
 TRIES = 200  # random configurations that an end is looked for among
 SPREADS = (1.0, 0.5, 0.25, 0.1, 0.05)  # share of the way from a free configuration to random ones
-CHANGED = 0.15  # share of the joints that are drawn anew
+CHANGED = 0.15  # share of the joints that are drawn again
 PLACES = 20  # that are tried for an obstacle
 OBSTACLES = 4
 PLAN_LIMIT = 20.0  # [s] for one plan
@@ -118,7 +118,7 @@ def random_scene(name: str, robot: Robot, rng: np.random.Generator) -> Scene:
 
 def standing(name: str, robot: Robot, rng: np.random.Generator) -> np.ndarray:
     """Return a configuration in which the robot touches nothing of itself: a named state, all joints at 0 or in the
-    middle of their limits, or else what comes of the best of them when some joints at a time are drawn anew."""
+    middle of their limits, or else what comes of the best of them when some joints at a time are drawn again."""
     zero = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
     bounded = np.isfinite(robot.lower) & np.isfinite(robot.upper)
     middle = zero.copy()
@@ -150,7 +150,7 @@ def is_free(scene: Scene, robot: Robot) -> Callable[[np.ndarray], bool]:
 
 
 def positions(robot: Robot, q: np.ndarray) -> list[np.ndarray]:
-    """Return where the origins of all frames are [m]."""
+    """Return the positions of all frames' origins [m]."""
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
     return [pose.translation.copy() for pose in data.oMf]

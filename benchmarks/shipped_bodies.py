@@ -5,7 +5,7 @@ about them.
 
 Links are found by the content of their geometry. Those that no robot has any more are dropped; the others keep their
 bodies, though a newer fit may find better ones: plans with these robots do not change for it. What is found about the
-bodies is computed anew, in a cache of its own.
+bodies is computed again, in a cache of its own.
 """
 
 from __future__ import annotations

@@ -97,7 +97,7 @@ def contacts(body_a: ConvexBody, body_b: ConvexBody, rng: np.random.Generator, c
 
 
 def check(body_a: ConvexBody, body_b: ConvexBody, seed: int, count: int) -> tuple[int, list[Count]]:
-    """Return how many poses were in contact, and what every rung did there."""
+    """Return the number of poses in contact, and the result of every rung there."""
     rng = np.random.default_rng(seed)
     distances = {
         rung: hdsdf_compiled(body_a, body_b, gamma=gamma, shaping_length=length, normals=rung)
@@ -116,7 +116,7 @@ def check(body_a: ConvexBody, body_b: ConvexBody, seed: int, count: int) -> tupl
 def violations(
     distance: CompiledDistance, body_a: ConvexBody, poses_a: Array, body_b: ConvexBody, poses_b: Array
 ) -> Count:
-    """Return what the distance did at poses in contact."""
+    """Return the distance's results at poses in contact."""
     value, separation = distance.value(poses_a, poses_b)
     places = np.maximum(np.abs(poses_a[:, :3, 3]).max(1), np.abs(poses_b[:, :3, 3]).max(1))
     size = body_a.reach + body_b.reach + places

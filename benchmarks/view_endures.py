@@ -100,7 +100,7 @@ def firsts(names: list[str], runs: int) -> list[dict[str, str]]:
 
 
 def memory() -> float:
-    """Return how much memory this process holds [MB]."""
+    """Return the memory that this process holds [MB]."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 

@@ -655,7 +655,7 @@ def excused(case: Case, rng: Random) -> None:
 
 
 def wild(case: Case, rng: Random) -> None:
-    """Put something else in the place of a value."""
+    """Replace a value by something else."""
     holder, key, _ = chosen(rng, case.world, (dict, list, str, float, int, bool))
     some: list[Any] = [
         None,

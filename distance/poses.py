@@ -83,7 +83,7 @@ def _all_are_rigid(rows: Array) -> bool:
 
 
 def _one_is_rigid(row: list[float]) -> bool:
-    """Return the same for one pose, without the overhead of arrays."""
+    """Return whether one pose is rigid, without the overhead of arrays."""
     a, b, c, x, d, e, f, y, g, h, i, z, j, k, m, one = row
     return (
         abs(a * a + b * b + c * c - 1.0) <= RIGID_ERROR

@@ -194,8 +194,8 @@ def _turning(scene: Scene) -> Scene | None:
 
 
 def _free_nearby(scene: Scene) -> str:
-    """Return, in words, which configuration near an end that is not allowed is; empty if none is found, or if obstacles
-    move."""
+    """Return, in words, an allowed configuration near an end that is not allowed; empty if none is found, or if
+    obstacles move."""
     if any(each.motion is not None for each in scene.obstacles):
         return ""
     drawn = np.random.default_rng(0)

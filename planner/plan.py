@@ -196,7 +196,7 @@ def _attempts(searches: Sequence[Search]) -> int:
 
 
 def _ended(searches: Sequence[Search], taken: int, seconds: float) -> str:
-    """Return, in words, what a time limit of so many seconds ended; empty if the search was complete."""
+    """Return the part of the search, in words, that a time limit of so many seconds ended; empty if it was complete."""
     reached = f"time limit of {seconds:g} s reached"
     if not searches[taken].certified:
         guesses = _attempts(searches)
@@ -260,7 +260,7 @@ def _slide(certifier: Certifier, goal: JointTarget, required: float) -> Slide | 
 
 
 def _taken(searches: Sequence[Search], taken: int, goal: JointTarget) -> str:
-    """Return, in words, which goal was chosen, out of how many."""
+    """Return the chosen goal, in words, and the number of goals."""
     tried = sum(search.attempts > 0 for search in searches)
     found = sum(search.certified for search in searches)
     joints = zip(searches[taken].problem.robot.joint_names, goal.positions or (), strict=True)

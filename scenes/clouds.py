@@ -89,7 +89,7 @@ def check_count(radius: float | FixedArray, count: int) -> None:
 
 
 def ignored_of(value: object) -> tuple[Ignored, ...]:
-    """Return what points are left out around: one thing, or a list of them."""
+    """Return the things around which points are left out: one, or a list of them."""
     if isinstance(value, Ignored):
         return (value,)
     if not is_row(value):
@@ -102,8 +102,8 @@ def ignored_of(value: object) -> tuple[Ignored, ...]:
 
 @dataclass(frozen=True, repr=False)
 class Ignored(Checked):
-    """Points within `margin` [m] of one link (or held object) at the start, or of another obstacle, are left out: they
-    are the image of a body that the scene models itself."""
+    """A rule that leaves out the points within `margin` [m] of one link (or held object) at the start, or of another
+    obstacle: they are the image of a body that the scene models itself."""
 
     margin: Margin
     link: Name | None = None

@@ -24,18 +24,18 @@ Turn = Annotated[Vector3, Row(Number(-math.pi, math.pi, unit="rad"), 3)]  # beyo
 
 @dataclass(frozen=True, repr=False)
 class Curve(ArmStage):
-    """A link's frame follows a curve. All along, its origin stays within `position_tolerance` of where it is to be, and
-    its rotation within `orientation_tolerance`."""
+    """A stage in which a link's frame follows a curve. All along, its origin stays within `position_tolerance` of where
+    it is to be, and its rotation within `orientation_tolerance`."""
 
     link: Name | None = field(default=None, kw_only=True)  # None: the end effector
     position_tolerance: Annotated[float, Number(high=0.1, above=0.0, unit="m")] = field(default=1e-3, kw_only=True)
     orientation_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="rad")] = field(default=1e-2, kw_only=True)
     free_rotation: Annotated[str, Choice(FREE_AXES)] = field(default="none", kw_only=True)
-    """Axis of the link about which it may turn as it likes."""
+    """The axis of the link about which its rotation is free."""
     tool_speed: Annotated[float, Number(above=0.0, unit="m/s")] | None = field(default=None, kw_only=True)
-    """Of the link's origin, at most [m/s]."""
+    """The greatest speed of the link's origin [m/s]."""
     tool_acceleration: Annotated[float, Number(above=0.0, unit="m/s²")] | None = field(default=None, kw_only=True)
-    """Of the link's origin, at most [m/s²]."""
+    """The greatest acceleration of the link's origin [m/s²]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -62,8 +62,8 @@ class _ToEnd(Curve):
 
 @dataclass(frozen=True, repr=False)
 class Line(_ToEnd):
-    """A link's frame moves on a straight line: `by` a shift, or `to` a position; it turns evenly, by the shortest
-    turn, where one is given."""
+    """A stage in which a link's frame moves on a straight line: `by` a shift, or `to` a position; it turns evenly, by
+    the shortest turn, where one is given."""
 
     if TYPE_CHECKING:
 
@@ -96,9 +96,9 @@ class Line(_ToEnd):
 
 @dataclass(frozen=True, repr=False)
 class Circle(_ToEnd):
-    """A link's frame moves on an arc of a circle to an end, like a line: `interim` is a point on the arc, or `center`
-    its centre, around which it takes the shorter way. With `by` they are shifts in `frame` from the link's place at the
-    beginning, with `to` positions in the world."""
+    """A stage in which a link's frame moves on an arc of a circle to an end, like a line: `interim` is a point on the
+    arc, or `center` its centre, around which it takes the shorter way. With `by` they are shifts in `frame` from the
+    link's place at the beginning, with `to` positions in the world."""
 
     interim: Place | None = None  # [m]
     center: Place | None = None  # [m]
@@ -137,8 +137,8 @@ class Circle(_ToEnd):
 
 @dataclass(frozen=True, repr=False)
 class Along(Curve):
-    """A link's frame follows poses in a `frame`, from the first, its current one, to the last: straight from each to
-    the next, turning evenly."""
+    """A stage in which a link's frame follows poses in a `frame`, from the first, its current one, to the last:
+    straight from each to the next, turning evenly."""
 
     poses: Annotated[tuple[Pose, ...], poses_along] = NEEDED
     frame: Name = WORLD  # "world", "tool", as it is at the beginning, or an object's name

@@ -28,8 +28,8 @@ class InputError(HdplanError):
 
 
 class UnsolvableError(InputError):
-    """A problem that is well written and cannot be solved as it stands: `cause` is a word for why, such as
-    "end_in_contact", and `by` are names of what shuts a goal off."""
+    """A valid problem that has no solution as it stands: `cause` is the code of the reason, such as "end_in_contact",
+    and `by` names the obstacles that shut a goal off."""
 
     def __init__(self, text: str, cause: str, by: tuple[str, ...] = ()) -> None:
         """Take the message, the cause and the names."""
@@ -47,7 +47,7 @@ class MisplacedError(InputError):
 
 
 class NotProvenError(HdplanError):
-    """A motion of which no proof can be written, and why."""
+    """No proof of a motion can be written; the text gives the reason."""
 
 
 class TimeLimitError(HdplanError):
@@ -65,12 +65,12 @@ class FieldError(InputError):
         self.problem, self.where, self.value, self.kind = problem, where, value, kind
 
     def within(self, where: str) -> FieldError:
-        """Return the same error as an error of a field inside `where`."""
+        """Return this error as an error of a field inside `where`."""
         path = where if not self.where else f"{where}{'' if self.where.startswith('[') else '.'}{self.where}"
         return FieldError(self.problem, path, self.value, self.kind)
 
     def of(self, owner: str) -> FieldError:
-        """Return the same error, with the name of the field's class."""
+        """Return this error with the name of the field's class."""
         error = FieldError(self.problem, self.where, self.value, self.kind)
         error.args = (f"{owner}{'.' if self.where else ': '}{self}",)
         return error

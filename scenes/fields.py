@@ -56,7 +56,7 @@ class Field:
         self.document.notes.append(f"{self.document.file.name}: {self.key}: {message}")
 
     def with_text_numbers(self) -> Field:
-        """Return the same field, in a document that may hold numbers as text."""
+        """Return this field, in a document that may hold numbers as text."""
         return replace(self, document=replace(self.document, text_numbers=True))
 
     # Mappings and lists
@@ -145,7 +145,7 @@ class Field:
     # The checks of a scene's classes
 
     def checked(self, check: Check, value: object) -> Any:
-        """Return what a check makes of a value of this field."""
+        """Return a value of this field after its check."""
         try:
             return check(value)
         except FieldError as error:
@@ -193,7 +193,7 @@ def read_document(file: Path) -> Field:
 
 
 def _as_yaml_number(text: str) -> str | None:
-    """Return how to write a number that YAML 1.1 took for a text, or None if the text is not a number."""
+    """Return the spelling of a number that YAML 1.1 took for a text, or None if the text is not a number."""
     match = re.fullmatch(r"\s*([-+]?[0-9]+)(?:\.([0-9]*))?(?:[eE]([-+]?[0-9]+))?\s*", text)
     if match is None:
         return None

@@ -57,7 +57,7 @@ def leads_nowhere(path: str | os.PathLike[str]) -> bool:
 
 
 def stamps_of(files: Iterable[str | Path]) -> Stamps:
-    """Return what tells files, and their content, from others; a missing file has no stamp.
+    """Return the stamps by which files, and their content, differ from others; a missing file has no stamp.
 
     The inode is another one where a link leads elsewhere; the time when the inode changed (ctime) can be set by nobody,
     as that of the content (mtime) is by whatever copies or unpacks files.

@@ -56,7 +56,7 @@ class FixedArray(ReadOnly):
         return len(self.array)
 
     def __repr__(self) -> str:
-        """Return, in words, how many there are."""
+        """Return the number of entries in words."""
         return f"<{len(self)} rows>"
 
     def __reduce__(self) -> tuple[type, tuple[NDArray[np.float64], int]]:

@@ -31,7 +31,7 @@ def fingers_of(value: object) -> dict[str, float]:
 
 @dataclass(frozen=True, repr=False)
 class Move(ArmStage):
-    """The arm moves to a goal, in any form that a scene's goal has."""
+    """A stage in which the arm moves to a goal, in any form that a scene's goal has."""
 
     goal: Annotated[JointTarget | Goals, goal_of] = NEEDED
     path: PathConstraints = field(default_factory=PathConstraints)  # in this stage
@@ -57,10 +57,10 @@ class Move(ArmStage):
 
 @dataclass(frozen=True, repr=False)
 class _Hand(AnyStage):
-    """Fingers move to `joints` while the arm stands still."""
+    """A stage in which fingers move to `joints` while the arm stands still."""
 
     joints: Annotated[Mapping[str, float], fingers_of] = field(default_factory=dict)
-    """Of the fingers, which the arm's stages hold [rad] or [m]; none for a hand without, such as a suction cup."""
+    """Values of the fingers' joints, which the arm's stages hold [rad] or [m]; none for a hand without fingers."""
     object: Name | None = None
 
     if TYPE_CHECKING:
@@ -83,8 +83,8 @@ class _Hand(AnyStage):
 
 @dataclass(frozen=True, repr=False)
 class Grip(_Hand):
-    """Fingers close on an `object`, which is then held by `link` at its current pose; without an object they only move.
-    Contacts of the object with the hand that `touch` allows are allowed until its release."""
+    """A stage in which fingers close on an `object`, which is then held by `link` at its current pose; without an
+    object they only move. Contacts of the object with the hand that `touch` allows are allowed until its release."""
 
     link: Name | None = None  # that carries the object; None: the end effector
     mass: Annotated[float, Number(above=0.0, unit="kg")] | None = None  # of the object; where torques are limited [kg]
@@ -113,12 +113,13 @@ class Grip(_Hand):
 
 @dataclass(frozen=True, repr=False)
 class Release(_Hand):
-    """Fingers open and release an `object`, which stays in its place; without an object they only move."""
+    """A stage in which fingers open and release an `object`, which stays in its place; without an object they only
+    move."""
 
 
 @dataclass(frozen=True, repr=False)
 class Wait(AnyStage):
-    """The robot stands still."""
+    """A stage in which the robot stands still."""
 
     seconds: Annotated[float, Number(high=1e4, above=0.0, unit="s")] = NEEDED  # [s]
 
@@ -149,8 +150,8 @@ def _output(value: object) -> Output:
 
 @dataclass(frozen=True, repr=False)
 class Set(AnyStage):
-    """Outputs are set, by name, where the stage begins; the robot stands still for a moment. hdplan does not interpret
-    them: the marks of the motion hold them."""
+    """A stage that sets outputs, by name, where it begins; the robot stands still for a moment. hdplan does not
+    interpret them: the marks of the motion hold them."""
 
     outputs: Annotated[Mapping[str, Output], outputs_of] = NEEDED
 
@@ -216,7 +217,7 @@ def stage_name(stage: Stage, number: int) -> str:
 
 @dataclass(frozen=True, repr=False)
 class Job(Checked):
-    """Stages that are done one after the other.
+    """A sequence of stages.
 
         job = hdplan.Job([
             hdplan.Move(hdplan.Pose.from_rpy([0.5, 0.0, 0.4], [3.1416, 0.0, 0.0])),

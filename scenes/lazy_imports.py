@@ -46,7 +46,7 @@ class LazyModule:
         self._name = name
 
     def __getattr__(self, attribute: str) -> Any:
-        """Return what the library has by this name."""
+        """Return the library's object of this name."""
         return getattr(import_module(self._name), attribute)
 
 

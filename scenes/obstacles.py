@@ -33,7 +33,7 @@ def rising_times(value: object) -> tuple[float, ...]:
 
 @dataclass(frozen=True, repr=False)
 class SteadyMotion(Checked):
-    """A body moves with `velocity` [m/s] and turns with `spin` [rad/s] about its origin, both constant and in the
+    """A motion with `velocity` [m/s] and `spin` [rad/s] about the body's origin, both constant and in the
     world, beginning with its pose at time 0."""
 
     velocity: Annotated[Vector3, Row(Number(unit="m/s"), 3)] = (0.0, 0.0, 0.0)
@@ -46,7 +46,7 @@ class SteadyMotion(Checked):
 
 @dataclass(frozen=True, repr=False)
 class TimedPoses(Checked):
-    """A body moves through `poses` in the world at `times` [s]: at constant velocities from each to the next, at rest
+    """A motion through `poses` in the world at `times` [s]: at constant velocities from each to the next, at rest
     before the first and after the last."""
 
     times: Annotated[tuple[float, ...], rising_times]  # increasing, at least two [s]

@@ -32,7 +32,7 @@ def check_writable(path: Path, endings: tuple[str, ...]) -> None:
 
 
 def ending_of(path: Path, endings: Iterable[str]) -> str | None:
-    """Return which of some endings a file's name has, in lower or upper case; None if none of them."""
+    """Return the one of some endings that a file's name has, in lower or upper case; None if none of them."""
     name = path.name.lower()
     return next((ending for ending in endings if name.endswith(ending) and name != ending), None)
 

@@ -59,7 +59,7 @@ def _edge(value: object) -> float:
 
 @dataclass(frozen=True, repr=False)
 class Upright(Checked):
-    """A link's axis stays close to the world's upward direction along the whole motion."""
+    """A constraint: a link's axis stays close to the world's upward direction along the whole motion."""
 
     link: Name
     axis: Annotated[Vector3, direction] = (0.0, 0.0, 1.0)  # in the link's frame, of unit length
@@ -72,7 +72,7 @@ class Upright(Checked):
 
 @dataclass(frozen=True, repr=False)
 class Within(Checked):
-    """A point of a link stays in a box along the whole motion."""
+    """A constraint: a point of a link stays in a box along the whole motion."""
 
     link: Name
     size: Annotated[Vector3, extent]  # full edge lengths of the box [m]; inf: unbounded along that axis
@@ -88,7 +88,8 @@ class Within(Checked):
 
 @dataclass(frozen=True, repr=False)
 class Relative(Checked):
-    """A link keeps its pose relative to another link along the whole motion, as two tools do that hold one object."""
+    """A constraint: a link keeps its pose relative to another one along the whole motion, as for two hands on one
+    object."""
 
     link: Name
     to: Name  # the other link
@@ -135,16 +136,16 @@ def _pose(value: object) -> Pose:
 
 @dataclass(frozen=True, repr=False)
 class Follow(Checked):
-    """A link follows a curve of poses, from the first to the last without going back: straight from each to the next,
-    turning about a fixed axis by the shortest turn. With a free rotation only that axis of the link counts, which goes
-    the shortest way."""
+    """A constraint: a link follows a curve of poses, from the first to the last without going back: straight from each
+    to the next, turning about a fixed axis by the shortest turn. With a free rotation only that axis of the link
+    counts, which goes the shortest way."""
 
     link: Name
     poses: Annotated[tuple[Pose, ...], poses_along]  # in the world
     position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 1e-3  # of the link's origin [m]
     orientation_tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 1e-2  # angle [rad]
     free_rotation: Annotated[str, Choice(FREE_AXES)] = "none"
-    """Axis of the link about which it may turn as it likes."""
+    """The axis of the link about which its rotation is free."""
     speed: Annotated[float, Number(above=0.0, unit="m/s")] | None = None  # of the link's origin, at most [m/s]
     acceleration: Annotated[float, Number(above=0.0, unit="m/s²")] | None = None  # [m/s²]
     begin_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] | None = None

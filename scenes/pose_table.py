@@ -18,7 +18,7 @@ UNUSED = "time"
 
 def read_pose_table(path: str | Path) -> tuple[Pose, ...]:
     """Return the poses of a file, one a row. Raises InputError for missing, unknown and repeated columns, for rows of
-    another length, for what is no number or no unit quaternion, and for less than two poses."""
+    another length, for values that are not numbers or unit quaternions, and for less than two poses."""
     path = Path(path)
     with naming(path):
         reader = csv.reader(read_file(path).decode("utf-8-sig", "replace").splitlines())

@@ -89,7 +89,7 @@ class PlanarBase(Checked):
 
 @dataclass(frozen=True, repr=False)
 class RobotSpec(Checked):
-    """A robot, where it stands, which joints are planned and which are locked."""
+    """A robot's description, its base, its planned joints, and the values of its locked ones."""
 
     name: Name | None = None  # of a robot in example-robot-data; or else `urdf`
     urdf: Annotated[Path, absolute_path] | None = None
@@ -99,13 +99,13 @@ class RobotSpec(Checked):
     ] = ()  # where the packages that the URDF or xacro names are sought first
     xacro_args: Annotated[Mapping[str, str], Named(argument)] = field(default_factory=dict)  # of a xacro: name -> value
     group: Annotated[str | tuple[str, ...], group_of] | None = None
-    """Which joints are planned: those of a group of the SRDF, or these joints; None: those of the arm."""
+    """The planned joints: those of a group of the SRDF, or these joints; None: those of the arm."""
     base: Placement = field(default_factory=Pose)  # of the URDF's root link
     base_joints: PlanarBase | None = None  # planned joints that carry the root link; at 0 it stands there
     locked: Annotated[Mapping[str, float], Named(JointValue)] = field(default_factory=dict)  # joint -> [rad] or [m]
     ignore_pairs: Annotated[tuple[tuple[str, str], ...], Row(pair, of="link pairs")] = ()  # not checked
     check_pairs: Annotated[tuple[tuple[str, str], ...], Row(pair, of="link pairs")] = ()
-    """Checked, although the SRDF disables them or they are neighbours."""
+    """Pairs that are checked, although the SRDF disables them or they are neighbours."""
     tracking: Tracking | None = None  # how far the joints may be off while the motion is executed
     calibration: Calibration | None = None  # how far the base may be from its nominal pose
     source: str = field(default="", compare=False)  # for error messages: file or option; empty: the scene's file

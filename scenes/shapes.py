@@ -155,7 +155,7 @@ _PLACED = ("name", "pose")  # of any shape, in a list of obstacles
 
 
 def own_fields(shape: Any) -> dict[str, Any]:
-    """Return what a shape is made of, by name: all of its fields without its name and pose."""
+    """Return the parameters of a shape, by name: all of its fields without its name and pose."""
     return {each.name: getattr(shape, each.name) for each in fields(shape) if each.init and each.name not in _PLACED}
 
 

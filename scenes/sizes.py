@@ -73,7 +73,7 @@ class Uncertainty(Sized):
 
 @dataclass(frozen=True, repr=False)
 class Tracking(Sized):
-    """Largest deviations of the joints from the motion while a controller executes it."""
+    """The largest deviations of the joints from the motion while a controller executes it."""
 
     position: Annotated[JointSizes, JointSize("rad or m", 1.0)] = 0.0
     velocity: Annotated[JointSizes, JointSize("rad/s or m/s")] = 0.0
@@ -96,7 +96,7 @@ class Tracking(Sized):
 
 @dataclass(frozen=True, repr=False)
 class Calibration(Sized):
-    """The robot's base may stand up to `position` away from `robot.base`, turned by up to `orientation` about it."""
+    """The uncertainty of the base: up to `position` away from `robot.base`, turned by up to `orientation` about it."""
 
     position: Distance = 0.0  # [m]
     orientation: Turn = 0.0  # [rad] about any axis through the base's origin
@@ -107,5 +107,5 @@ class Calibration(Sized):
 
 
 def chord(angle: float) -> float:
-    """Return how far a turn moves a point at most, as a share of its distance from the origin."""
+    """Return the largest shift of a point by a turn, as a fraction of its distance from the origin."""
     return 2.0 * math.sin(0.5 * angle)

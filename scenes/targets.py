@@ -91,7 +91,7 @@ class PoseTarget(Checked):
     pose: Placement = NEEDED  # of the link's frame, in the world
     position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 1e-3  # of the link's origin [m]
     orientation_tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 1e-2
-    """How far its orientation may deviate, beside its free rotation [rad]."""
+    """The tolerance of its orientation, beside its free rotation [rad]."""
     free_rotation: Annotated[str, Choice(FREE_ROTATIONS)] = "none"
     """The axis of the link about which it may rotate freely: none, x, y, z, or all (any orientation)."""
     field: str = dataclasses.field(
@@ -147,7 +147,7 @@ class AllOf(Checked):
 
 
 def unlike_the_others(poses: Sequence[PoseTarget]) -> tuple[int, str] | None:
-    """Return which of several poses is not of a link of its own, and what is wrong; None if all are."""
+    """Return the one of several poses that does not have a link of its own, and the fault; None if all are."""
     links = [target.link for target in poses]
     for i, link in enumerate(links):
         if link is None:
@@ -209,7 +209,7 @@ class Configuration:
 
 @dataclass(frozen=True, repr=False)
 class State(Checked):
-    """A robot that moves: its joint values in any form of a configuration, their velocities [rad/s or m/s] and
+    """A state of a moving robot: its joint values in any form of a configuration, their velocities [rad/s or m/s] and
     accelerations [rad/s² or m/s²], each in the order of the joints, or by name, the others 0.
 
         scene = scene.with_start(hdplan.State(q, velocity=dq))

@@ -13,7 +13,7 @@ MOST_ROWS = 100_000  # of a motion with times
 
 @dataclass(frozen=True, repr=False)
 class Timing(Checked):
-    """Timing of the motion."""
+    """The timing of a motion: its duration or share of the speed, and its rate of rows."""
 
     duration: Annotated[float, Number(above=0.0, unit="s")] | None = None  # of the whole motion [s]; None: the fastest
     scale: Annotated[float, Number(high=1.0, above=0.0)] = 1.0  # fraction of the speed that the limits allow

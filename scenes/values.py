@@ -237,7 +237,7 @@ class Checked:
 
 
 def checked(check: Check, value: object, where: str) -> Any:
-    """Return what a check makes of a value; an error names the field `where`."""
+    """Return a value after its check; an error names the field `where`."""
     try:
         return check(value)
     except FieldError as error:

@@ -130,7 +130,7 @@ def test_the_pages_say_what_the_certificate_rests_on(page: str) -> None:
     assert set(re.findall(r"`([^`]*)`", sentence)) == CERTIFICATE
 
 
-def test_where_things_are_is_true() -> None:
+def test_the_list_of_places_in_architecture_is_true() -> None:
     """Every file of the list is there, with the functions named beside it; a name alone lies beside the file before."""
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (.+) \| (.+) \|$", text.partition("## Where is …?")[2], re.MULTILINE)

@@ -30,7 +30,7 @@ KEYS = {
 
 
 @pytest.mark.parametrize("ending", ["json", "csv", "npz", "joint_trajectory.yaml", "robot_trajectory.yaml", "mcap"])
-def test_what_plan_writes_check_certifies(hdplan: Command, ending: str) -> None:
+def test_check_certifies_the_output_of_plan(hdplan: Command, ending: str) -> None:
     planned = hdplan("plan", "planar_arm", "-o", f"motion.{ending}")
     assert (planned.code, planned.err) == (0, "")
     assert planned.out.startswith("certified: at least ")
@@ -132,7 +132,7 @@ def test_plot_draws_any_trajectory(hdplan: Command) -> None:
 
 
 @pytest.mark.parametrize("solver", ["chomp", "fatrop", "ipopt"])
-def test_other_solvers(hdplan: Command, tmp_path: Path, solver: str) -> None:
+def test_every_solver_plans_by_the_command(hdplan: Command, tmp_path: Path, solver: str) -> None:
     scene = arm_scene(tmp_path, obstacles=[], planner={"waypoints": 6})
     assert hdplan("plan", scene, "--solver", solver).code == 0
 

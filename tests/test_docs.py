@@ -86,7 +86,7 @@ def test_every_command_and_option_exists(page: str) -> None:
     assert set(alone) <= every
 
 
-def test_what_does_not_exist_is_found() -> None:
+def test_unknown_commands_and_options_are_found() -> None:
     for call in ("plann panda_cage", "plan a.yaml --sovler chomp", "study distances", "reproduce time|kink", "-z"):
         assert unknown(call), call
 

@@ -239,7 +239,7 @@ def no_files(tmp_path: Path) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize("kind", ["a pipe", "a socket", "a device", "a directory"])
-def test_what_is_no_file_is_refused_at_once(
+def test_paths_that_are_not_files_are_refused_at_once(
     no_files: dict[str, Path], kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import hdplan

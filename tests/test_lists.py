@@ -154,7 +154,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: picture._bodies(OF_TORUS),
         lambda: picture._bodies(OF_LIDAR),
     ),
-    ("planner/problem/assemble.py", "seen_anew", "seen"): "asks for clouds: they alone are seen anew",
+    ("planner/problem/assemble.py", "with_seen_points", "seen"): "asks for clouds: they alone are seen again",
     ("planner/proof/world_values.py", "plain_shape", "shape"): (
         lambda: world_values.plain_shape(Torus()),
         lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),
@@ -387,7 +387,7 @@ def test_every_class_of_a_scene_is_known_to_certificate_and_writer() -> None:
     assert {kind.__name__ for kind in met - writer.WRITTEN.keys()} == by_their_fields
 
 
-def test_those_who_take_a_scene_apart_say_which_fields_they_know() -> None:
+def test_readers_of_scenes_declare_their_known_fields() -> None:
     found = {}
     for path in (ROOT / "planner").rglob("*.py"):
         for node in ast.walk(parsed(path)):

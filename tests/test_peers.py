@@ -1,4 +1,4 @@
-"""Benchmarks: what the peers of hdplan are given is the same problem, a run that was cut off goes on, and waiting takes
+"""Benchmarks: what the peers of hdplan are given is the same problem, an interrupted run continues, and waiting takes
 nothing from processor time."""
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def outcome(problem: str, verdict: str = "certified", energy: float = 1.5) -> qu
     )
 
 
-def test_what_was_measured_is_kept(tmp_path: Path) -> None:
+def test_finished_measurements_are_kept(tmp_path: Path) -> None:
     file = tmp_path / "quality.csv"
     done = [outcome("0001"), outcome("0002", 'in contact: "a", b', np.nan), outcome("0003")]
     assert list(kept(file, quality.Outcome, [], iter(done))) == done

@@ -36,7 +36,7 @@ def test_the_surface_is_what_the_stub_lists(door: ModuleType) -> None:
 
 
 @pytest.mark.parametrize(("door", "name"), PUBLIC, ids=lambda it: getattr(it, "__name__", it))
-def test_what_is_public_is_documented(door: ModuleType, name: str) -> None:
+def test_public_names_are_documented(door: ModuleType, name: str) -> None:
     """A function says what each of its arguments is and what it refuses; a class what it is, and so do its members."""
     if name in ("hdsdf_batch", "jax_cost", "JaxCost"):
         pytest.importorskip("jax")

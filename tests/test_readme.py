@@ -50,7 +50,7 @@ def test_the_main_job_does_what_the_readme_prints(
     assert run("hdplan check panda_cage out/motion.json", monkeypatch) == 0
 
 
-def test_it_is_one_page() -> None:
+def test_the_readme_is_one_page() -> None:
     assert len(README.splitlines()) < 150
 
 

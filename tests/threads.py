@@ -14,7 +14,7 @@ TURN = 1e-6  # [s] after which Python lets another thread run
 
 
 def together(work: Callable[[int], Found], count: int = THREADS) -> list[Found]:
-    """Return what `work` gives for 0 … count − 1, each in a thread of its own; all begin at the same moment. Raises
+    """Return the results of `work` for 0 … count − 1, each in a thread of its own; all begin at the same moment. Raises
     what the first of them raises."""
     found: list[Found | None] = [None] * count
     raised: list[BaseException] = []

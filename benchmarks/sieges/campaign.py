@@ -71,7 +71,7 @@ class Tally:
             self.findings.append((index, answer["finding"]))
 
     def faults(self) -> dict[str, int]:
-        """Return how many findings there are of each kind."""
+        """Return the number of findings of each kind."""
         kinds = [next((kind for kind, sign in SIGNS.items() if sign in words), "wrong") for _, words in self.findings]
         return {kind: kinds.count(kind) for kind in ("wrong", *SIGNS)}
 

@@ -141,7 +141,7 @@ def _scene(rng: np.random.Generator, folder: Path) -> tuple[dict[str, Any], tupl
 def _broken(
     world: World, names: tuple[str, ...], order: list[int], path: Array, proven: list[float | None], period: float
 ) -> list[str]:
-    """Return where a clearance that a step says is proven does not hold."""
+    """Return the places where a clearance that a step claims does not hold."""
     q = path[:, np.argsort(order)]
     places = world.places(names, q, period * np.arange(float(len(q))))
     wrong = _contact(world, places) if not any(body.motion for body in world.bodies) else []

@@ -151,7 +151,7 @@ def _points(world: World, body: int) -> Array:
 
 
 def limits(world: World, rows: Rows, interval: Index, s: Array) -> list[str]:
-    """Return which limits of positions and rates do not hold."""
+    """Return the limits of positions and rates that do not hold."""
     found, section = [], world.content.get("limits") or {}
     q = rows.at(interval, s)
     for name in world.planned:
@@ -178,7 +178,7 @@ def limits(world: World, rows: Rows, interval: Index, s: Array) -> list[str]:
 
 
 def _jumps(rows: Rows, order: int) -> list[str]:
-    """Return where a derivative jumps at a row; before the first and after the last it is 0."""
+    """Return the rows at which a derivative jumps; before the first and after the last it is 0."""
     count = len(rows.positions) - 1
     every = np.arange(count)
     starts, ends = rows.at(every, np.zeros(count), order), rows.at(every, np.ones(count), order)
@@ -218,7 +218,7 @@ def _torques(world: World, rows: Rows, interval: Index, s: Array) -> list[str]:
 
 
 def _path(world: World, rows: Rows, q: Array) -> list[str]:
-    """Return which constraint of the whole way does not hold."""
+    """Return the constraint of the whole way that does not hold."""
     constraints, found = world.content.get("path") or {}, []
     if not constraints:
         return []

@@ -116,7 +116,7 @@ class Machine:
         return found
 
     def motion(self, q: dict[str, Array], v: dict[str, Array], a: dict[str, Array], base: Array) -> Motion:
-        """Return how the links move, from the joints' values and their first and second derivatives (T,)."""
+        """Return the links' motion, from the joints' values and their first and second derivatives (T,)."""
         frames, axes = self.frames(q, base), {}
         count = len(next(iter(q.values())))
         still = {link: np.zeros((count, 3)) for link in self.links if link not in self.above}
@@ -137,7 +137,8 @@ class Machine:
         return Motion(frames, axes, spin, rate, push)
 
     def torques(self, motion: Motion, masses: list[Mass], planned: list[str]) -> Array:
-        """Return what the joints must give (T, n): of all that hangs on each, force and moment about its axis."""
+        """Return the joints' required torques (T, n): force and moment about each axis, of all that the joint
+        carries."""
         count = len(next(iter(motion.frames.values())))
         found = {name: np.zeros(count) for name in planned}
         for body in masses:

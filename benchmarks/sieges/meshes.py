@@ -150,7 +150,7 @@ def closed(mesh: Mesh) -> bool:
 
 
 def windings(mesh: Mesh, points: Array) -> Array:
-    """Return how often a mesh winds around points (k, 3): sums of its triangles' solid angles over 4π."""
+    """Return the winding numbers of a mesh around points (k, 3): sums of its triangles' solid angles over 4π."""
     corners = mesh[0][mesh[1]][None] - points[:, None, None]
     a, b, c = corners[:, :, 0], corners[:, :, 1], corners[:, :, 2]
     la, lb, lc = (np.linalg.norm(x, axis=2) for x in (a, b, c))

@@ -104,7 +104,7 @@ def known_fault(reader: str, ending: str, data: bytes) -> str:
 
 
 def different(ours: Array, theirs: Array) -> str:
-    """Return how two surfaces differ, up to rounding, the order of triangles, and how flat polygons are cut."""
+    """Return the difference of two surfaces, up to rounding, the order of triangles, and how flat polygons are cut."""
     if not np.isfinite(theirs).all():
         return "numbers that are not finite"
     size = max(float(np.abs(each).max(initial=0.0)) for each in (ours, theirs))

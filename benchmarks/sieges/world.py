@@ -87,7 +87,7 @@ class World:
         self.pairs = self._pairs(_disabled(srdf), {frozenset(pair) for pair in robot.get("ignore_pairs") or []})
 
     def _pairs(self, disabled: set[frozenset[str]], ignored: set[frozenset[str]]) -> list[tuple[int, int]]:
-        """Return which bodies are kept apart: (robot's, obstacle) and (robot's, robot's)."""
+        """Return the bodies that are kept apart: (robot's, obstacle) and (robot's, robot's)."""
         found = []
         for a, b in itertools.product(range(self.robot_count), range(self.robot_count, len(self.bodies))):
             if self.carrier[a] or self.bodies[b].motion is not None:
@@ -125,13 +125,13 @@ class World:
         }
 
     def motion(self, rows: Rows, interval: Index, s: Array) -> Motion:
-        """Return how the links move at places of a motion that has velocities."""
+        """Return the links' motion at places of a motion that has velocities."""
         q, v, a = (self.values(rows.names, rows.at(interval, s, order)) for order in range(3))
         v, a = ({name: each[name] for name in self.planned} for each in (v, a))
         return self.machine.motion(q, v, a, self.base)
 
     def places(self, names: tuple[str, ...], q: Array, times: Array) -> Array:
-        """Return where each body is (B, T, 4, 4)."""
+        """Return the pose of each body (B, T, 4, 4)."""
         if not self.bodies:
             return np.zeros((0, len(q), 4, 4))
         frames = self.machine.frames(self.values(names, q), self.base)
@@ -236,7 +236,7 @@ def _segment(length: Any) -> Array:
 
 
 def _passage(body: Body, times: Array) -> Array:
-    """Return where an obstacle is at times (T,)."""
+    """Return the poses of an obstacle at times (T,)."""
     motion, count = body.motion, len(times)
     found = np.broadcast_to(body.place, (count, 4, 4)).copy()
     if motion is None:

@@ -159,7 +159,7 @@ def _coal(body_a: ConvexBody, body_b: ConvexBody, places: _Placements) -> _Answe
 
 
 def _proven(body_a: ConvexBody, body_b: ConvexBody, places: _Placements, found: _Answers) -> Mask:
-    """Return which answers (N,) are verified.
+    """Return, for each answer (N,), whether it is verified.
 
     The gap along any unit normal is a lower bound of the signed distance, and that along the answer's normal must equal
     its distance. Apart, the distance of two points of the bodies is an upper bound. Overlapping, no gap along the axes

@@ -13,7 +13,7 @@ import numpy as np
 
 from hdplan.scenes.array_types import Array
 
-ROUNDING = 1e-13  # of the size: where the closest points exceed an axis' gap by no more, that axis is their normal
+AXIS_ROUNDING = 1e-13  # of the size: where the closest points exceed an axis' gap by no more, that axis is their normal
 COINCIDENT_SHARE = 1e-15  # of the size: closest points this close coincide
 
 
@@ -40,7 +40,7 @@ def ground_truth(a: Array, b: Array, axes: Array) -> Proximity:
     gap = float(max(forward[best], backward[best]))
     point_a, point_b, difference = closest_points(a, b)
     distance = float(np.linalg.norm(difference))
-    if distance > max(gap, 0.0) + ROUNDING * _size(a, b):
+    if distance > max(gap, 0.0) + AXIS_ROUNDING * _size(a, b):
         return Proximity(distance, point_a, point_b, difference / distance)
     normal = axes[best] if forward[best] >= backward[best] else -axes[best]
     point_a, point_b, _ = closest_points(a - gap * normal, b)

@@ -31,7 +31,7 @@ SHORTEST_SHAPING = {"float64": 1e-290, "float32": 1e-30}  # [m] with it, Phi map
 SIZES = (2, 2, 1, 2)  # array axes of the rotations of A and of B, the offset, and the witnesses
 
 # How many poses are evaluated at once: powers of two, as every number needs its own compilation.
-FEWEST, MOST = 8, 8192  # in one call of the compiled function; fewer are padded, more go block by block
+FEWEST_POSES, MOST_POSES = 8, 8192  # in one call of the compiled function; fewer are padded, more go block by block
 CPU_LANES = 128  # in its innermost loops: enough to vectorize, ...
 CPU_NUMBERS = 2**16  # ... few enough that this many numbers stay in the cache
 RESULTS = 12 * 13  # of every pair of pieces, kept until all are there
@@ -194,11 +194,11 @@ def _checked(name: str, poses: ArrayLike) -> Array:
 
 def _in_blocks(run: Callable[..., Any], rows: list[Array], lanes: int, numpy: Any) -> list[Array]:
     """Return the results of ``run`` for all rows, called for blocks of few different lengths."""
-    count, most = len(rows[0]), max(MOST, lanes)
+    count, most = len(rows[0]), max(MOST_POSES, lanes)
     found = []
     for start in range(0, max(count, 1), most):
         block = [part[start : start + most] for part in rows]
-        missing = max(FEWEST, 1 << (len(block[0]) - 1).bit_length()) - len(block[0])
+        missing = max(FEWEST_POSES, 1 << (len(block[0]) - 1).bit_length()) - len(block[0])
         if missing:
             fills = (np.eye(*x.shape[1:]) if x.ndim > 2 else np.ones(x.shape[1:]) for x in block)
             block = [
@@ -210,5 +210,5 @@ def _in_blocks(run: Callable[..., Any], rows: list[Array], lanes: int, numpy: An
 
 
 def _power_of_two(number: int) -> int:
-    """Return the largest power of two that is not larger, at least ``FEWEST``."""
-    return max(FEWEST, 1 << (number.bit_length() - 1))
+    """Return the largest power of two that is not larger, at least ``FEWEST_POSES``."""
+    return max(FEWEST_POSES, 1 << (number.bit_length() - 1))

@@ -169,7 +169,7 @@ def _twist(pose: Array, change: Array) -> Array:
 
 
 def _bracket(gradient: Array, twists: Array) -> Array:
-    """Return what the gradient (N, 12) changes by besides the Hessian, as twists do not commute: ½ g·[η, ·]."""
+    """Return the change of the gradient (N, 12) beside the Hessian's, as twists do not commute: ½ g·[η, ·]."""
     parts = []
     for k in (0, 6):
         force, torque = gradient[:, k : k + 3], gradient[:, k + 3 : k + 6]

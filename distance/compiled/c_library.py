@@ -74,7 +74,7 @@ INLINED = r"static __inline__ __attribute__((always_inline)) casadi_real \1"
 
 
 def quicker(source: str) -> str:
-    """The same C with loops that run faster, to the same bits."""
+    """This C code with loops that run faster, to the same bits."""
     return HELPERS.sub(INLINED, source.replace(WAITING, BY_COLUMNS))
 
 

@@ -40,8 +40,8 @@ def content_key(*parts: str | bytes) -> str:
 
 
 def load(kind: str, key: str, read: Callable[[Any], Value | None]) -> Value | None:
-    """Return what `read` makes of the JSON value stored under this kind and key; None if there is no intact one, or one
-    of another structure, at which `read` fails."""
+    """Return the result of `read` for the JSON value stored under this kind and key; None if there is no intact one, or
+    one of another structure, at which `read` fails."""
     if not trusted():
         return None
     try:
@@ -117,7 +117,7 @@ def write_whole(path: Path, data: bytes) -> bool:
 @functools.cache
 def _warn_once(home: Path, why: str) -> None:
     warnings.warn(
-        f"the cache {home} {why}, so expensive results are computed anew each time: set HDPLAN_CACHE to a folder that "
+        f"the cache {home} {why}, so expensive results are computed again each time: set HDPLAN_CACHE to a folder that "
         "only you can write",
         stacklevel=4,
     )

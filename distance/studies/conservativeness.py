@@ -23,7 +23,7 @@ from hdplan.scenes.array_types import Array
 
 CONFIGURATIONS = 500_000  # the paper's
 GAMMA, EPSILON = 2, 1e-4  # the paper's
-ROUNDS = 10  # the pairs are gone through so many times: what an interruption leaves holds all of them
+PASSES = 10  # the pairs are gone through so many times: what an interruption leaves holds all of them
 FCL_SHARE = 300  # configurations of each pair, at most, that are held against FCL, the paper's exact distance
 
 
@@ -57,7 +57,7 @@ class Conservativeness:
         return self._beyond(rung, tol) / np.maximum(len(self.distances) - _below(self.distances, tol, "left"), 1)
 
     def rates_of_all(self, rung: RungAlarms, tolerances: ArrayLike) -> Array:
-        """Return the same false positives as a part of all configurations."""
+        """Return these false positives as a fraction of all configurations."""
         return self._beyond(rung, np.asarray(tolerances, dtype=float)) / len(self.distances)
 
     def _beyond(self, rung: RungAlarms, tol: Array) -> Array:
@@ -88,7 +88,7 @@ def conservativeness(
     functions = [
         [hdsdf_compiled(a, b, gamma=GAMMA, epsilon=EPSILON, normals=name) for name in normals] for a, b in bodies
     ]
-    shares = np.diff(np.linspace(0, configurations, len(bodies) * ROUNDS + 1).astype(int))
+    shares = np.diff(np.linspace(0, configurations, len(bodies) * PASSES + 1).astype(int))
     exact: list[Array] = []
     gaps: list[list[Array]] = [[] for _ in normals]
     missed = compared = 0

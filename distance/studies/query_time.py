@@ -31,7 +31,7 @@ POSES = 100  # per pair, the paper's N
 BATCH = 90**2  # poses at once for the batch, the paper's
 GAMMA, EPSILON = 2, 1e-4  # the paper's
 SMOOTHING, BULGING = 0.1, (1e-3, 1e-1)  # of GDF, the paper's h and the range of its ε
-TOLERANCE, ITERATIONS = 1e-3, 1000  # [m] of GDF
+GDF_TOLERANCE, GDF_ITERATIONS = 1e-3, 1000  # [m] of GDF
 LEAST_GAP = 1e-5  # [m] poses with a smaller gap are drawn again: FCL could end the process there
 
 
@@ -140,14 +140,14 @@ def _gdf(body_a: ConvexBody, poses_a: Array, body_b: ConvexBody, poses_b: Array)
     def distance(pose_a: Array, pose_b: Array) -> object:
         return gdf(
             body_a, pose_a, body_b, pose_b,
-            h=SMOOTHING, bulging=next(bulging), tolerance=TOLERANCE, iterations=ITERATIONS,
+            h=SMOOTHING, bulging=next(bulging), tolerance=GDF_TOLERANCE, iterations=GDF_ITERATIONS,
         )  # fmt: skip
 
     return _each(distance, poses_a, poses_b)
 
 
 def _uaibot(body_a: ConvexBody, poses_a: Array, body_b: ConvexBody, poses_b: Array) -> tuple[Run, int]:
-    """The same by the authors' package, only its C++: both bodies are placed beforehand."""
+    """Time of the authors' package, of its C++ alone: both bodies are placed beforehand."""
     uaibot: Any = import_module("uaibot")
 
     def solids(body: ConvexBody, poses: Array) -> list[Any]:
@@ -164,7 +164,7 @@ def _uaibot(body_a: ConvexBody, poses_a: Array, body_b: ConvexBody, poses_b: Arr
 
     def run() -> None:
         for a, b, bulging in both:
-            a.dist_to(b, SMOOTHING, bulging, TOLERANCE, ITERATIONS, start)
+            a.dist_to(b, SMOOTHING, bulging, GDF_TOLERANCE, GDF_ITERATIONS, start)
 
     return run, len(both)
 

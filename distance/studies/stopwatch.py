@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from time import process_time
 
-ROUNDS = 5  # at least so many are timed
+LEAST_ROUNDS = 5  # at least so many are timed
 LEAST_TIME = 0.2  # [s] and at least for so long
 
 
@@ -19,7 +19,7 @@ def seconds_per_query(run: Callable[[], object], queries: int, clock: Callable[[
     """
     run()
     fastest, total, rounds = math.inf, 0.0, 0
-    while rounds < ROUNDS or total < LEAST_TIME:
+    while rounds < LEAST_ROUNDS or total < LEAST_TIME:
         begin = clock()
         run()
         taken = clock() - begin

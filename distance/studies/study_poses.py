@@ -18,7 +18,7 @@ from hdplan.distance.unions import Body
 from hdplan.scenes.array_types import Array
 
 NEAR_GAPS = (-0.12, 0.06)  # [m] range of the gaps that poses near contact should have
-HALVINGS = 12  # of the way between the bodies' centres, to about a millimetre
+WAY_HALVINGS = 12  # of the way between the bodies' centres, to about a millimetre
 
 
 def study_bodies() -> Mapping[str, tuple[ConvexBody, ConvexBody]]:
@@ -70,7 +70,7 @@ def study_poses(body_a: Body, body_b: Body, random: int, near: int, rng: np.rand
     apart = poses_a[random:, :3, 3] + centres_a - centres_b
     apart *= 2.5 * scale / np.linalg.norm(apart, axis=1, keepdims=True)
     low, high = np.zeros(near), np.ones(near)
-    for _ in range(HALVINGS):
+    for _ in range(WAY_HALVINGS):
         middle = 0.5 * (low + high)
         poses_a[random:, :3, 3] = centres_b + middle[:, None] * apart - centres_a
         too_far = signed_distances(body_a, poses_a[random:], body_b, poses_b[random:]) > aim

@@ -28,7 +28,7 @@ def fixed_in_a(eta: ca.SX, psi: ca.SX, sign: float, parameters: list[ca.SX]) -> 
 
 
 def fixed_in_b(eta: ca.SX, psi: ca.SX, sign: float, parameters: list[ca.SX]) -> ca.SX:
-    """The same with the bodies' roles swapped: seen from B, A's vertices move backwards; parameters: n."""
+    """The wrench with the bodies' roles swapped: seen from B, A's vertices move backwards; parameters: n."""
     (normal,) = parameters
     return -sign * ca.dot(normal, _moved(-eta, psi[0], psi[1:4]))
 

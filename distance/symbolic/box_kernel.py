@@ -23,7 +23,7 @@ CORNERS = read_only(np.array(list(itertools.product((-1.0, 1.0), repeat=3))).T) 
 
 
 def axis_count(normals: str) -> int:
-    """Return how many times each of the three axes of a box counts in the maximum, in either direction."""
+    """Return the multiplicity of each of a box's three axes in the maximum, in either direction."""
     cube = ConvexBody.box([1.0, 1.0, 1.0])
     return int(candidate_normals(normals, cube, cube).counts_a[0])
 

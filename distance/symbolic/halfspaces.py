@@ -83,7 +83,7 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
 def swept_halfspace_distance(
     vertices: int, planes: int, gamma: int, shaping_length: float, order: int = 1
 ) -> ca.Function:
-    """The same for the hull of A at two placements: D of its 2·vertices points, with a wrench for each placement.
+    """The distance for the hull of A at two placements: D of its 2·vertices points, with a wrench for each placement.
 
     Inputs: first (12) and second (12), A's placements; placement_b, body and body_planes as in `halfspace_distance`.
     Outputs: distance [m]; first_wrench and second_wrench (6), dD = F·v + T·ω under a motion of A at that placement

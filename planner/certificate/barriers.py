@@ -26,7 +26,7 @@ CIRCLE_CORNERS = 40  # corners in place of a circle
 RADII_BEYOND_REACH = 2.0  # radii beyond the reach up to which there are points
 OUTER_SPACING = 0.13  # of the reach, between points beyond it
 OUTER_REACH = 3.0  # times the reach that these are beyond it
-ROUNDING = 1e-6  # [m]
+POINT_ROUNDING = 1e-6  # [m] by which the balls around points are smaller
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Reach:
     high: float
 
     def outside(self, points: Array) -> Array:
-        """Return how far points (k, 3) are outside (k,) [m]; 0 inside."""
+        """Return the distances (k,) of points (k, 3) from the reach [m]; 0 inside."""
         beside = points - self.origin
         along = beside @ self.axis
         across = np.linalg.norm(beside - along[:, None] * self.axis, axis=1) - self.radius
@@ -77,11 +77,11 @@ class Reach:
         one /= np.linalg.norm(one)
         other = np.cross(self.axis, one)
         points = self.origin + flat @ np.stack([one, other]) + along[:, None] * self.axis
-        return points, self.outside(points) - ROUNDING
+        return points, self.outside(points) - POINT_ROUNDING
 
 
 def off_ends(points: Array, ends: Array) -> Array:
-    """Return how far points (k, 3) are from the nearest of some ends (e, 3) (k,) [m]."""
+    """Return the distances (k,) of points (k, 3) from the nearest of some ends (e, 3) [m]."""
     return np.asarray(np.min([np.linalg.norm(points - end, axis=1) for end in ends], axis=0))
 
 
@@ -114,7 +114,7 @@ def points_of(body: Body, keep: float, reach: Reach | None, ends: Array, most: f
     if len(points) > MOST_POINTS:
         _, first = np.unique(np.floor(points / (CELL * radii[:, None])), axis=0, return_index=True)
         points, radii = points[first], radii[first]
-    return points, radii - ROUNDING
+    return points, radii - POINT_ROUNDING
 
 
 @made_once(256)

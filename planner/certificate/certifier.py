@@ -145,7 +145,7 @@ class Certifier:
         self._required = required_of(setup.scene, setup.robot)
 
     def between(self, start: JointTarget, goal: JointTarget) -> Certifier:
-        """Return the same of another start and goal: no body is made again. Raises InputError for ends
+        """Return this certifier for another start and goal, with the same bodies. Raises InputError for ends
         that do not fit the robot."""
         found = copy.copy(self)
         found._ends_at(self.setup.changed(start=start, goal=goal))
@@ -329,8 +329,8 @@ class Certifier:
         return () if self.path is None else self.path.at(self.robot.expand(q))
 
     def overload(self, q: ArrayLike) -> str | None:
-        """Return, in words, which limit the robot exceeds even at rest at q (n,), where gravity overloads a joint; None
-        if it exceeds none."""
+        """Return the limit, in words, that the robot exceeds even at rest at q (n,), where gravity overloads a joint;
+        None if it exceeds none."""
         values = np.asarray(q, dtype=np.float64)
         return next((message for check in self.limits if (message := check.overload(values))), None)
 
@@ -364,7 +364,7 @@ class Certifier:
         return self._places(spots)
 
     def nearest_along(self, configurations: Array, times: Array) -> list[tuple[Place | None, Place | None]]:
-        """Return what is `nearest` at each of the configurations (k, n) and times (k,) [s]."""
+        """Return the `nearest` places at each of the configurations (k, n) and times (k,) [s]."""
         return [self._places(spots) for spots in self.sweep.nearest(self.robot.expand(configurations), times)]
 
     def _places(self, spots: tuple[Spot | None, Spot | None]) -> tuple[Place | None, Place | None]:

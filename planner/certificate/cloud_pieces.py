@@ -45,7 +45,7 @@ def standing_pieces(balls: FixedArray) -> tuple[tuple[Piece, ...], Array]:
 
 
 def moving_pieces(balls: FixedArray) -> list[Piece]:
-    """Return the same pieces in the frame of the balls."""
+    """Return the pieces in the frame of the balls."""
     found = []
     for frame, half, radius, own in zip(*_boxes(balls, cells_of(balls, CELL_EDGE)), strict=True):
         corners = (2.0 * half * CORNERS) @ frame[:3, :3].T + frame[:3, 3]
@@ -69,7 +69,7 @@ def box_pieces(boxes: FixedArray) -> tuple[tuple[Piece, ...], Array]:
 
 
 def moving_box_pieces(boxes: FixedArray) -> list[Piece]:
-    """Return the same pieces in the frame of the boxes."""
+    """Return the pieces in the frame of the boxes."""
     sides = zip(boxes.array[:, :3], boxes.array[:, 3:], strict=True)
     return [hull_piece(0.5 * (low + high) + CORNERS * (high - low)) for low, high in sides]
 

@@ -23,7 +23,7 @@ from hdplan.scenes.errors import TimeLimitError
 
 SHORTEST_INTERVAL = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
 LEAST_MOTION = 1e-6  # [m] motion below which halving does not help
-TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
+CLEARANCE_TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
 # share of this tolerance by which a place must be closer than the closest known one to be examined
 CLOSER_SHARE = 0.02
@@ -341,4 +341,4 @@ def _goal(distance: float) -> float:
     """Return the greatest clearance [m] that can be proven where this is the least distance found, less a tolerance."""
     if not np.isfinite(distance):
         return distance
-    return distance - min(max(TOLERANCE, RELATIVE_TOLERANCE * distance), 0.5 * distance)
+    return distance - min(max(CLEARANCE_TOLERANCE, RELATIVE_TOLERANCE * distance), 0.5 * distance)

@@ -66,7 +66,7 @@ class Containment:
         return self._found(nodes, np.arange(len(self.outer)))
 
     def found_in_open(self, nodes: Intervals) -> list[tuple[int, tuple[int, ...]]]:
-        """Return the same for open meshes only."""
+        """Return the bodies that are inside others, of open meshes only."""
         return self._found(nodes, np.flatnonzero(self.open))
 
     def _found(self, nodes: Intervals, rows: Index) -> list[tuple[int, tuple[int, ...]]]:

@@ -181,7 +181,7 @@ def _known(kind: type[Any]) -> tuple[frozenset[str] | None, tuple[str, ...]]:
 
 
 def compared(scene: Scene, robot: Robot, bodies: Bodies, pairs: Pairs, floor: Array, own: int) -> frozenset[str]:
-    """Return which links, obstacles and ranges are covered by these pairs of bodies, and by the robot's limits.
+    """Return the links, obstacles and ranges covered by these pairs of bodies, and by the robot's limits.
 
     The robot's `own` bodies come first. An obstacle is covered if every piece of it is in a pair with every body of the
     robot that moves relative to it; `floor` (P,) [m] is what pairs must keep.

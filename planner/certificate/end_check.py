@@ -80,8 +80,8 @@ class EndCheck:
                     assert_never(goal)
 
     def off_goal(self, q: Array) -> str | None:
-        """Return, in words, how configuration q (n,) as the last waypoint misses the scene's goal, or the first of
-        several; None if it reaches one."""
+        """Return the error, in words, of configuration q (n,) as the last waypoint from the scene's goal, or the first
+        of several; None if it reaches one."""
         match goal := self.scene.goal:
             case JointTarget():
                 return self._off("last", q, self.robot.configuration(goal, self.scene.from_request), "goal")
@@ -107,8 +107,8 @@ class EndCheck:
                 assert_never(target)
 
     def _off(self, which: str, row: Array, target: Array, field: str, turn: float = 2 * np.pi) -> str | None:
-        """Return, in words, how the first or last waypoint differs from the configuration of a field; None if it does
-        not. A goal may be reached a whole `turn` away by joints without limits; a robot that stands elsewhere than
+        """Return the difference, in words, of the first or last waypoint from the configuration of a field; None if it
+        does not. A goal may be reached a whole `turn` away by joints without limits; a robot that stands elsewhere than
         where its motion begins would jump there."""
         error = row - target
         error = error - turn * np.round(error / (2 * np.pi)) * self.robot.endless

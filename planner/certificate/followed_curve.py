@@ -110,7 +110,7 @@ class _Along(WithTolerance):
 
     @property
     def link(self) -> str:
-        """Whose it is."""
+        """The link that follows the curve."""
         return self.motion.curve.link
 
     @property

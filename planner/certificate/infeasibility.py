@@ -183,7 +183,7 @@ def _between(rows: Array) -> Array:
 
 
 def _centers(certifier: Certifier, ball: InscribedBall, rows: Array) -> Array:
-    """Return where a ball's centre is (k, 3) at configurations (k, n)."""
+    """Return the positions (k, 3) of a ball's centre at configurations (k, n)."""
     bodies, robot = certifier.sweep.bodies, certifier.robot
     joint = bodies.bodies[ball.body].joint
     turned, moved = bodies.chain.frames(bodies.to_pinocchio(robot.expand(rows)))
@@ -191,7 +191,7 @@ def _centers(certifier: Certifier, ball: InscribedBall, rows: Array) -> Array:
 
 
 def _region(certifier: Certifier, ball: InscribedBall, target: Target) -> Region | None:
-    """Return where a ball's centre is where a goal is reached; None where that is not known."""
+    """Return the region of a ball's centre at a goal; None where it is not known."""
     match target:
         case JointTarget():
             with naming(certifier.scene.source):

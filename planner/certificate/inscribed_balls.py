@@ -24,11 +24,11 @@ from hdplan.scenes.shapes import Sphere
 
 FINENESS = 16  # edges of the surface's triangles after division, over the size of the mesh
 GRID_SIDE = 9  # points a side, in the bounding box
-STEPS = 16  # moves to deeper points, each shorter by STEP_FACTOR than the last
+DEEPENING_STEPS = 16  # moves to deeper points, each shorter by STEP_FACTOR than the last
 STEP_FACTOR = 0.75
 GRID_POINTS = 150  # points of the grid of which one must be inside
 SMALLEST_RADIUS = 1e-3  # [m] smaller balls are of no use
-ROUNDING = 1e-9  # [m]
+RADIUS_ROUNDING = 1e-9  # [m] by which a ball is smaller
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def _inside(solid: Solid) -> tuple[Array, float] | None:
         size / GRID_SIDE,
         np.stack(np.meshgrid(*3 * [[0.0, -1.0, 1.0]], indexing="ij"), axis=-1).reshape(-1, 3),
     )
-    for _ in range(STEPS):
+    for _ in range(DEEPENING_STEPS):
         tried = center + step * around
         center, step = tried[int(tree.query(tried)[0].argmax())], STEP_FACTOR * step
     if not solid.holds(center):
@@ -98,5 +98,5 @@ def _inside(solid: Solid) -> tuple[Array, float] | None:
     place = np.eye(4)
     place[:3, 3] = center
     (least,), whole = PIECES[Sphere](radius=SMALLEST_RADIUS), hull_piece(mesh.vertices, Surface(mesh, solid))
-    radius = SMALLEST_RADIUS + distance(least, place, whole, np.eye(4)) - ROUNDING
+    radius = SMALLEST_RADIUS + distance(least, place, whole, np.eye(4)) - RADIUS_ROUNDING
     return (center, radius) if radius >= SMALLEST_RADIUS else None

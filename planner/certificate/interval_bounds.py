@@ -163,12 +163,12 @@ class Bounds:
         return gaps[0], bound - self.elsewhere(nodes, items) - ROUNDING, travel
 
     def elsewhere(self, nodes: Intervals, items: Items) -> Array | float:
-        """Return how much closer pairs (i,) may be as their bodies are not quite at their nominal poses [m]."""
+        """Return by how much pairs (i,) may be closer because their bodies are not quite at their nominal poses [m]."""
         sizes = self.bodies.sizes
         return 0.0 if sizes is None else sizes.elsewhere(nodes, self.pairs, items.node, items.pair)
 
     def unknown(self, nodes: Intervals, items: Items) -> Array:
-        """Return the same at the midpoints (i,), what the joints may be off included."""
+        """Return by how much pairs may be closer at the midpoints (i,) [m], errors of the joints included."""
         sizes = self.bodies.sizes
         if sizes is None:
             return np.zeros(len(items))

@@ -97,7 +97,7 @@ class Bodies:
         return float(np.abs(self._motion(g).anchors).max())
 
     def farthest(self, g: int, time: float) -> float:
-        """Return how far the origin of a drifting body's frame may be from the world's [m] within `time` [s] of its
+        """Return the greatest distance of a drifting body's origin from the world's [m] within `time` [s] of its
         poses."""
         motion = self._motion(g)
         gone = float(_lengths(motion.velocity).max()) * time if time > 0.0 else 0.0
@@ -113,8 +113,8 @@ class Bodies:
         return motion
 
     def drift(self, middle: Array, half: Array) -> tuple[Array, Motion]:
-        """Return where the drifting ones of the `moving` bodies are at times `middle` (k,) [s], (k, m, 4, 4), and their
-        motion within `half` (k,) [s] of these times, (k, m); the others of them are at rest.
+        """Return the poses of the drifting ones of the `moving` bodies at times `middle` (k,) [s], (k, m, 4, 4), and
+        their motion within `half` (k,) [s] of these times, (k, m); the others of them are at rest.
 
         Within one segment a point x moves by s (ω × (x − o) + v) `half`, up to an error of ½ (|ω| half)² ‖x − o‖, with
         o the body's origin; over several segments it is no faster than in the fastest of them.

@@ -22,7 +22,7 @@ from hdplan.scenes.array_types import Array
 Index = NDArray[np.int64]
 
 ROUNDING_JUMP = 1e-6  # [rad/s], [rad/s²] or their like: differences that rounding makes between equal values
-ROUNDING = 1e-9  # relative
+LIMIT_ROUNDING = 1e-9  # [–] relative, by which a value may exceed its limit
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Use:
     @property
     def within(self) -> bool:
         """True if the limit holds."""
-        return self.share <= 1.0 + ROUNDING
+        return self.share <= 1.0 + LIMIT_ROUNDING
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class LimitCheck(Protocol):
         ...
 
     def overload(self, q: Array) -> str | None:
-        """Return, in words, which limit the robot exceeds even at rest at q (n,); None if it exceeds none."""
+        """Return the limit, in words, that the robot exceeds even at rest at q (n,); None if it exceeds none."""
         ...
 
 

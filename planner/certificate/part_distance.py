@@ -117,7 +117,7 @@ def part_distance(
     within: float = np.inf,
     enough: float = -np.inf,
 ) -> Found:
-    """Return what is known about the distance of two pieces' parts. Raises TimeLimitError.
+    """Return bounds of the distance between two pieces' parts. Raises TimeLimitError.
 
     moved: by how much the two move against each other, to first order and beyond it [m] (`Motion`).
     normals: unit directions (k, 3) from b to a to try first.

@@ -67,7 +67,7 @@ class Part(NamedTuple):
         return np.asarray(np.einsum("knij,nj->kni", self.rotations[:, 1:], self.chain.axes))
 
     def reach(self, joint: int, point: Array) -> tuple[Array, Array]:
-        """Return where a point (3,) of a joint's frame is (k, 3), and ρ (k, n)."""
+        """Return the positions (k, 3) of a point (3,) of a joint's frame, and ρ (k, n)."""
         place = self.rotations[:, joint] @ point + self.origins[:, joint]
         everywhere = self.chain.reach(joint, point[None], 0.0, self.travel)
         where = self.axes, self.origins[:, 1:], np.abs(self.delta) + self.off
@@ -75,7 +75,7 @@ class Part(NamedTuple):
         return place, self.chain.local_reach(everywhere[None], joints, place[:, None], radii, *where)[:, 0]
 
     def moved(self, joint: int, point: Array, moves: Mask) -> tuple[Array, Motion]:
-        """Return where a point (3,) of a joint's frame is (k, 3), and what the joints `moves` (n,) do to it."""
+        """Return the positions (k, 3) of a point (3,) of a joint's frame, and its motion by the joints `moves` (n,)."""
         place, reach = self.reach(joint, point)
         delta, off = self.delta * moves, self.off * moves
         return place, Motion.of(self.chain, delta, off, self.axes, self.origins[:, 1:], reach)
@@ -91,7 +91,7 @@ class Stated(Protocol):
 
     @property
     def link(self) -> str:
-        """Whose it is."""
+        """The link of the constraint."""
         ...
 
     @property

@@ -24,7 +24,7 @@ from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import InputError, naming
 
 TOLERANCE_EXCESS = 1e-9  # [rad] or [m] beyond the tolerance that is accepted, for rounding errors
-ROUNDING = 1e-9  # [rad] or [m] added to every bound
+BOUND_ROUNDING = 1e-9  # [rad] or [m] added to every bound
 TOLERANCE_SLACK = 0.02  # share of the tolerance by which the proven worst value may exceed the worst one found
 SHORTEST_INTERVAL = 2.0**-17  # of an interval: below it, the answer is "not proven"
 
@@ -149,7 +149,7 @@ class PathCheck:
             valued = on(interval, start, width)
             found = valued.found(*frames)
             bound = valued.bound(Part(self.chain, *frames, delta, off, travel), found)
-            bound = np.maximum(bound, found) + ROUNDING
+            bound = np.maximum(bound, found) + BOUND_ROUNDING
             configurations += len(interval)
             for i in np.flatnonzero(found > worst[interval]).tolist():
                 if found[i] > worst[interval[i]]:

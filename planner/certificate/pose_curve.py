@@ -76,7 +76,7 @@ class PoseCurve:
         return np.asarray(np.concatenate([[0.0], np.cumsum(way)]))
 
     def way_to(self, places: Array) -> Array:
-        """Return how far it is along the curve to places (k,), in tolerances."""
+        """Return the length of the curve up to places (k,), in tolerances."""
         return np.asarray(np.interp(places, np.arange(len(self.ahead)), self.ahead))
 
     def places(self, rotations: Array, origins: Array, first: float, last: float) -> Array:

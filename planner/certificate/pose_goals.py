@@ -16,7 +16,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.targets import PoseTarget
 
-ROUNDING = 1e-9  # [m] and [rad] accepted beyond a tolerance
+POSE_ROUNDING = 1e-9  # [m] and [rad] accepted beyond a tolerance
 
 
 class Miss(NamedTuple):
@@ -28,8 +28,8 @@ class Miss(NamedTuple):
     def within(self, target: PoseTarget) -> bool:
         """True if the target counts as reached."""
         return (
-            self.position <= target.position_tolerance + ROUNDING
-            and self.angle <= target.orientation_tolerance + ROUNDING
+            self.position <= target.position_tolerance + POSE_ROUNDING
+            and self.angle <= target.orientation_tolerance + POSE_ROUNDING
         )
 
     def __str__(self) -> str:
@@ -38,16 +38,18 @@ class Miss(NamedTuple):
 
 
 def miss_of(robot: Robot, target: PoseTarget, q: Array) -> Miss:
-    """Return how far configuration q (n,) misses the target, exact to rounding. Raises InputError as `link_frame`."""
+    """Return the distance by which configuration q (n,) misses the target, exact to rounding. Raises InputError as
+    `link_frame`."""
     found = _found(robot, target, q[None])
     return Miss(float(_off(target, found)[0]), float(_angles(target, found)[0]))
 
 
 def reached_by(robot: Robot, target: PoseTarget, q: Array) -> Mask:
-    """Return which of configurations q (B, n) reach the target: those whose `miss_of` is `within` it."""
+    """Return, for each of the configurations q (B, n), whether it reaches the target: those whose `miss_of` is `within`
+    it."""
     found = _found(robot, target, q)
-    near = _off(target, found) <= target.position_tolerance + ROUNDING
-    near[near] = _angles(target, found[near]) <= target.orientation_tolerance + ROUNDING
+    near = _off(target, found) <= target.position_tolerance + POSE_ROUNDING
+    near[near] = _angles(target, found[near]) <= target.orientation_tolerance + POSE_ROUNDING
     return near
 
 

@@ -76,13 +76,13 @@ class Sizes(ReadOnly):
         return cls(position, ROUND_UP * turn, speed, ROUND_UP * levers, origin, framed, ROUND_UP * joints, about, stand)
 
     def elsewhere(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
-        """Return how much closer pairs (i,) of bodies may be on intervals (i,) because the obstacle, or the robot's
+        """Return by how much pairs (i,) of bodies may be closer on intervals (i,) because the obstacle, or the robot's
         base, is not at its nominal pose (i,) [m]."""
         return np.asarray(ROUND_UP * self._shares(nodes, pairs, node, pair).sum(axis=0))
 
     def at_middle(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
-        """Return how much closer pairs (i,) may be at the midpoints of intervals (i,) [m], what the joints may be off
-        included: how much of it is for each of `FIELDS`, (6, i)."""
+        """Return by how much pairs (i,) may be closer at the midpoints of intervals (i,) [m], errors of the joints
+        included: the share of each of `FIELDS`, (6, i)."""
         there = nodes.instants
         one, other = (there.reach[there.row(node, body[pair])] for body in (pairs.a, pairs.b))
         moves = one * pairs.moves_a[pair] + other * pairs.moves_b[pair]
@@ -116,19 +116,19 @@ class Sizes(ReadOnly):
 
 
 def _away(nodes: Intervals, body: Index, row: Index, origin: Array) -> Array:
-    """Return how far points of bodies (i,), at these rows of their places, are from origins at most [m]."""
+    """Return the greatest distance of points of bodies (i,), at these rows of their places, from origins [m]."""
     return np.asarray(np.linalg.norm(nodes.center[row] - origin, axis=1) + nodes.bodies.radius[body])
 
 
 def lengths(uncertainty: Uncertainty | None, lever: float) -> tuple[float, float, float]:
-    """Return how far a point so far from an obstacle's origin may be for its position and its turn [m], and its speed
-    [m/s]."""
+    """Return the displacements by an obstacle's position and turn [m] of a point at `lever` from its origin, and its
+    speed [m/s]."""
     given = uncertainty or Uncertainty()
     return given.position, chord(given.orientation) * lever, given.speed
 
 
 def lever(body: Body, obstacle: Obstacle) -> float:
-    """Return how far what a ball sweeps to an obstacle's body is from the obstacle's origin at most [m]."""
+    """Return the greatest distance from an obstacle's origin to the sweep of a ball towards the obstacle's body [m]."""
     piece = body.piece
     own = body.placement if body.obstacle_motion is None else np.eye(4)
     origin = obstacle.pose.position if body.obstacle_motion is None else (0.0, 0.0, 0.0)

@@ -43,7 +43,7 @@ class Sweep(PreparedPairs):
         return found
 
     def hull_gap(self, q: Array, within: float, time: float = 0.0) -> float:
-        """Return how far the hulls of the robot are from those of obstacles at one configuration q (n,) and time [s],
+        """Return the distance of the robot's hulls from those of obstacles at one configuration q (n,) and time [s],
         at most `within` [m]: sooner known than the distance of the bodies, which is no less. Negative in an overlap."""
         return ConfigurationDistances(self, q[None], time).hull_gap(within)
 

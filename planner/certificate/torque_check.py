@@ -29,7 +29,7 @@ from hdplan.scenes.errors import InputError
 Index = NDArray[np.int64]
 
 SAMPLE_STEP = 2e-3  # [s] between samples at first, at most
-HALVINGS = 10  # of an interval before it counts as not proven: down to two microseconds
+MOST_HALVINGS = 10  # of an interval before it counts as not proven: down to two microseconds
 MOST_AT_FIRST, MOST_SAMPLES = 50_000, 500_000  # samples before any halving, and in all; then the rest is not proven
 
 
@@ -138,7 +138,7 @@ class TorqueCheck:
         return np.array([pin.rnea(self.model, data, *row) for row in zip(self.robot.pin_q(q), v, a, strict=True)])
 
     def overload(self, q: Array) -> str | None:
-        """Return, in words, which joint gravity overloads most at q (n,); None if it overloads none."""
+        """Return the joint, in words, that gravity overloads most at q (n,); None if it overloads none."""
         limits = self.limits["torque"]
         torques = np.abs(pin.computeGeneralizedGravity(self.model, self.model.createData(), self.robot.pin_q(q)))
         joint = int((torques / limits).argmax())
@@ -175,12 +175,12 @@ def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -
     at_start, at_end = torques[begins], torques[begins + 1]
 
     proven = np.zeros(robot.n)
-    for halving in range(HALVINGS + 1):
+    for halving in range(MOST_HALVINGS + 1):
         width = (end - start) * curve.widths[interval]
         rates = np.stack([order.largest_on(interval, start, end) for order in orders])
         slack = (width**2 / 8)[:, None] * torque_curvature(model, chain, rates)
         ends = np.maximum(np.abs(at_start), np.abs(at_end))
-        hopeful = halving < HALVINGS and sampled.samples < MOST_SAMPLES and not (sampled.found > limits).any()
+        hopeful = halving < MOST_HALVINGS and sampled.samples < MOST_SAMPLES and not (sampled.found > limits).any()
         open_ = ~(ends + slack <= limits).all(axis=1) & hopeful
         proven = np.maximum(proven, (ends + slack)[~open_].max(axis=0, initial=0.0))
         if not open_.any():

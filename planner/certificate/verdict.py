@@ -209,7 +209,7 @@ def proven(
     path: Sequence[Kept],
     sized: bool = False,
 ) -> str:
-    """Return, in words, what is proven about a certified motion; clearances [m]. `sized`: in all worlds within the
+    """Return the claims, in words, proven about a certified motion; clearances [m]. `sized`: in all worlds within the
     scene's sizes."""
     obstacles = (
         "no obstacles to avoid" if clearance is None else f"at least {proven_length(clearance)} to every obstacle"

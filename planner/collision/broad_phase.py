@@ -63,7 +63,7 @@ class BodyPairs:
         return (int(self.body_table.shape[1]) - 1) // 4
 
     def enlarged(self, by: float) -> BodyPairs:
-        """The same pairs with halfspace bodies enlarged by more [m]."""
+        """These pairs with halfspace bodies enlarged by more [m]."""
         tables = {
             slots: np.hstack([table[:, : 3 * slots], table[:, 3 * slots :] + by])
             for slots, table in self.plane_tables.items()
@@ -89,8 +89,8 @@ class BodyPairs:
         return sample[order], pair[order]
 
     def close_between(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
-        """The same for intervals between the configurations, (S,) intervals ascending, by a ball around a link body at
-        both ends of each. Misses no D < 0 between the hull of the two and a standing body."""
+        """Close pairs on intervals between the configurations, (S,) intervals ascending, by a ball around a link body
+        at both ends of each. Misses no D < 0 between the hull of the two and a standing body."""
         centres = _placed(kinematics, self._body_joints, self.centres)
         half = np.linalg.norm(np.diff(centres, axis=1), axis=2).max(axis=1, initial=0.0) / 2
         reach, centres = self.widest * (self.radii + half), (centres[:, 1:] + centres[:, :-1]) / 2

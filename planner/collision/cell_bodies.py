@@ -24,7 +24,7 @@ CELL, SMALL_CELL = 0.08, 0.04  # [m] edges of the cubes; the small ones for wher
 MOST_TRIANGLES = 100_000  # of a surface when it is cut, about: larger cells are taken for a larger one,
 CELL_GROWTH = 1.25  # by this factor
 SLIVER = math.log2(3.0)  # halving the two long sides of a triangle without area makes three of it
-HALVINGS = 40  # of a triangle, at most
+MOST_HALVINGS = 40  # of a triangle, at most
 FARTHEST_POINT = 1000.0  # [m] a cloud that reaches farther was hardly meant in metres
 
 
@@ -105,7 +105,7 @@ def from_surface(
     edge = SMALL_CELL if closely else CELL
     while area / edge**2 + ((long[long > edge] / edge) ** SLIVER).sum() > MOST_TRIANGLES:
         edge *= CELL_GROWTH
-    vertices, triangles = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.triangles, edge, max_iter=HALVINGS)
+    vertices, triangles = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.triangles, edge, max_iter=MOST_HALVINGS)
     corners = vertices[triangles]  # (F, 3, 3)
     order, first = grouped(corners.mean(axis=1), edge)
     found, first = corners[order].reshape(-1, 3), 3 * first
@@ -122,7 +122,7 @@ def from_boxes(name: str, boxes: FixedArray, pose: Pose, planes: str) -> tuple[H
 
 
 def _extents(points: Array, first: Rows, rotation: Array) -> tuple[Array, Array]:
-    """Return how far groups of points (m, 3), which begin at `first` (c,), reach along axes (c, 3, 3): lower and upper
+    """Return the extents of groups of points (m, 3), which begin at `first` (c,), along axes (c, 3, 3): lower and upper
     ends (c, 3)."""
     sizes = np.diff(np.append(first, len(points)))
     local = np.einsum("mi,mij->mj", points, np.repeat(rotation, sizes, axis=0))

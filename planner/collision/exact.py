@@ -35,7 +35,7 @@ from hdplan.scenes.shapes import Box, Shape
 
 LANES = 8  # numbers in the widest vector of a processor
 CLUSTER = 32  # vertices that are near each other: of a large hull, few clusters have to be examined
-ROUNDING = 1e-12  # [–]
+RADIUS_ROUNDING = 1e-12  # [–] relative, by which balls are larger
 CLUSTERED_VERTICES = 256  # vertices of a hull from which on clusters pay
 
 
@@ -55,7 +55,7 @@ class ExactPairs(PairDistance):
         return "exact Euclidean distance, compiled C" if library() else self._twin.how
 
     def enlarged(self, by: float) -> ExactPairs:
-        """The same with a margin that is larger [m]."""
+        """This distance with a margin that is larger [m]."""
         return ExactPairs(self.pairs.enlarged(by), self.parts, self.solids, self.far)
 
     @cached_property
@@ -130,8 +130,8 @@ def _filled(vertices: Array, count: int) -> Array:
 
 
 def _clustered(vertices: Array) -> Array:
-    """The same vertices (K, 3), each CLUSTER of them near each other: halved along their longest side, again and
-    again."""
+    """The vertices (K, 3) in an order in which each CLUSTER of them are near each other: halved along their longest
+    side, again and again."""
     if len(vertices) <= CLUSTER:
         return vertices
     along = vertices[:, np.ptp(vertices, axis=0).argmax()].argsort(kind="stable")
@@ -144,11 +144,11 @@ def _balls(vertices: Array) -> Array:
     clusters = vertices.reshape(-1, CLUSTER, 3)
     middles = 0.5 * (clusters.min(axis=1) + clusters.max(axis=1))
     radii = np.linalg.norm(clusters - middles[:, None], axis=2).max(axis=1)
-    return np.vstack([middles.T, radii + ROUNDING * (radii + np.abs(middles).max())])
+    return np.vstack([middles.T, radii + RADIUS_ROUNDING * (radii + np.abs(middles).max())])
 
 
 def _whole(body: ConvexBody) -> ConvexBody:
-    """The same body with its faces and edges."""
+    """This body with its faces and edges."""
     return ConvexBody.from_points(body.vertices, body.radius)
 
 

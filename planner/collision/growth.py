@@ -42,7 +42,7 @@ def sizes_of(shape: object) -> Array:
 
 
 def growths(bodies: Sequence[HalfspaceBody]) -> dict[int, Growth]:
-    """Return how those of the bodies grow that do."""
+    """Return the growth of the bodies that grow."""
     return {row: _growth(body) for row, body in enumerate(bodies) if len(sizes_of(body.shape))}
 
 
@@ -62,7 +62,7 @@ def _growth(body: HalfspaceBody) -> Growth:
 
 
 def _of_sizes(shape: Shape, sizes: Array) -> Shape:
-    """The same shape of other sizes."""
+    """A shape of this kind with other sizes."""
     values, fields = sizes.tolist(), operations(shape).sizes.split()
     given: dict[str, Any] = dict(zip(fields, values if len(fields) == len(values) else [values], strict=True))
     return replace(shape, **given)

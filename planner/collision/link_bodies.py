@@ -44,7 +44,7 @@ else:
 
 FIT_VERSION = "8"  # to be changed with anything that changes a fit, so that old cache entries are not used
 FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of each of these settings
-HALVINGS = 60  # of a triangle, at most, until each part lies in one body
+MOST_HALVINGS = 60  # of a triangle, at most, until each part lies in one body
 
 _fitting = ForkSafeLock()  # the number of BLAS threads is set for the whole process
 
@@ -114,7 +114,7 @@ def contains(bodies: tuple[Swept, ...], triangles: Array) -> bool:
     A triangle lies in a convex body if its corners do; one that lies in none is halved across its longest side, up to
     HALVINGS times. True is a proof (to rounding); False may also mean that these were not enough.
     """
-    for _ in range(HALVINGS):
+    for _ in range(MOST_HALVINGS):
         inside = np.array(
             [
                 (distance_to_hull(triangles.reshape(-1, 3), body.vertices)[0] <= body.radius).reshape(-1, 3)

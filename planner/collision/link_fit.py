@@ -131,7 +131,7 @@ class _Link:
         return sorted(found, key=lambda each: each.excess)
 
     def score(self, bodies: tuple[Swept, ...]) -> float:
-        """Return how far bodies stand out of the hull, as part of what is good."""
+        """Return the excess of bodies beyond the hull, as a fraction of the acceptable excess."""
         mean, p95 = outside(bodies, self.outline)
         return max(mean / GOOD_MEAN, p95 / GOOD_P95) / self.slack
 

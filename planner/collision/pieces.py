@@ -102,7 +102,7 @@ class Pieces(ReadOnly, Sequence[HalfspaceBody]):
         return tuple(found)
 
     def on(self, joints: Rows) -> Pieces:
-        """Return the same carried by joints (B,)."""
+        """Return these pieces carried by joints (B,)."""
         return replace(self, joints=joints)
 
     def __len__(self) -> int:

@@ -45,7 +45,7 @@ def carried_pieces(
 
 
 def with_frames(supports: Mask, frames: int) -> Mask:
-    """Return which coordinates move joints, (nj, n), and then frames, which none moves."""
+    """Return the coordinates that move joints, (nj, n), and then frames, which none moves."""
     return np.vstack([supports, np.zeros((frames, supports.shape[1]), dtype=np.bool_)])
 
 

@@ -49,7 +49,7 @@ VERSION = "3"  # to be changed with anything that changes a bound, so that old c
 MOST_BOXES, BUDGET = 4000, 300_000  # boxes evaluated for a pair, and for all pairs of a robot
 BATCH = 64  # of them halved at once
 TIGHT_SHARE = 0.9  # share of the least distance found at which a bound is good enough
-ROUNDING = 1e-6  # [m] subtracted from a bound for rounding errors
+BOUND_ROUNDING = 1e-6  # [m] subtracted from a bound for rounding errors
 
 
 def distances_kept(
@@ -99,7 +99,7 @@ class _Search:
             least_bound, looked = separation_loop.separation(
                 loops, self.kinematics.tree, hulls, radii, moves, (low, high), wanted, TIGHT_SHARE, most
             )
-            proven = least_bound - ROUNDING
+            proven = least_bound - BOUND_ROUNDING
             return (proven if proven > wanted else 0.0), looked
         between = self.distance.pairs.moves[pair] != 0.0
         centres, halves = ((low + high) / 2)[None], np.where(between, (high - low) / 2, 0.0)[None]
@@ -118,7 +118,7 @@ class _Search:
             least = min(least, float(distances.min()))
             centres, halves = np.vstack([centres[kept], inner]), np.vstack([halves[kept], half, half])
             bounds, widest = np.append(bounds[kept], inner_bounds), np.append(widest[kept], inner_widest)
-        proven = float(bounds.min()) - ROUNDING
+        proven = float(bounds.min()) - BOUND_ROUNDING
         return (proven if proven > wanted else 0.0), looked
 
     def _look(self, pair: int, centres: Array, halves: Array) -> tuple[Array, Array, Rows]:
@@ -177,6 +177,8 @@ def content_of(robot: Robot, bodies: Sequence[LinkBody], pairs: Sequence[tuple[i
         parts += [robot.linkage.matrix.tobytes(), robot.linkage.offset.tobytes()]
     for index in sorted({index for pair in pairs for index in pair}):
         body = bodies[index]
-        vertices = np.round(body.body.vertices, 9) + 0.0  # machines differ in the last digits: far less than ROUNDING
+        vertices = (
+            np.round(body.body.vertices, 9) + 0.0
+        )  # machines differ in the last digits: far less than BOUND_ROUNDING
         parts += [str(index), str(body.joint), vertices.tobytes(), np.float64(body.body.radius).tobytes()]
     return [*parts, np.array(pairs).tobytes()]

@@ -220,7 +220,7 @@ static void put(heap* into, long long i, const double* box, long long widest) {
   into->widest[i] = widest;
 }
 
-/* Put a box in the place of the first: it sinks. */
+/* Replace the first box by another, which sinks. */
 static void replace_first(heap* into, const double* box, long long widest) {
   long long i = 0;
   for (;;) {

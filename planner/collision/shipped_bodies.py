@@ -32,8 +32,8 @@ def shipped_bodies(key: str) -> tuple[Swept, ...] | None:
 
 
 def known_result(kind: str, key: str, read: Callable[[Any], Value]) -> Value | None:
-    """Return what `read` makes of the JSON value stored under one of KINDS and a key, in the cache or with the package;
-    None if there is none."""
+    """Return the result of `read` for the JSON value stored under one of KINDS and a key, in the cache or with the
+    package; None if there is none."""
     known = load(kind, key, read)
     if known is not None:
         return known

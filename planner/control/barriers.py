@@ -112,7 +112,7 @@ class Barriers:
         return (*first, *((bodies[a].link, bodies[b].link) for a, b in self_pairs))
 
     def __repr__(self) -> str:
-        """Return, in words, how many pairs of each kind there are."""
+        """Return the number of pairs of each kind, in words."""
         own = self.count - self.obstacle_pairs
         return (
             f"<Barriers of {self.robot.name}: {self.obstacle_pairs} pairs with obstacles, {own} of links, "
@@ -215,7 +215,7 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
 
 
 def setup_barriers(setup: Setup, settings: BarrierSettings, hulls: Sequence[LinkBody] | None = None) -> Barriers:
-    """Return the same of a scene with its robot. hulls: the links', if they are known."""
+    """Return the barriers of a scene with its robot. hulls: the links', if they are known."""
     setup.refuse_sizes("barriers know only the nominal world")
     scene, robot = setup.scene, setup.robot
     boxes = settings.distance in ("hdsdf-boxes", "gdf")

@@ -44,7 +44,7 @@ class Command:
 
     @classmethod
     def rest(cls, n: int) -> Command:
-        """Return that of n joints at rest."""
+        """Return the state of n joints at rest."""
         return cls(np.zeros(n), np.zeros(n))
 
 
@@ -119,7 +119,7 @@ class Rates:
         return self._braked(velocity, acceleration) if loops is None else self._braked_by(loops, velocity, acceleration)
 
     def _braked_by(self, loops: ModuleType, velocity: Array, acceleration: Array) -> Array:
-        """Return the same by the loop in C."""
+        """Return `braked`'s result by the loop in C."""
         states = velocity.reshape(-1, velocity.shape[-1]), acceleration.reshape(-1, velocity.shape[-1])
         room = FIRST_PERIODS
         while True:

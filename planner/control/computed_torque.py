@@ -20,7 +20,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 
-STEP = 1e-3  # [s] at most
+LONGEST_STEP = 1e-3  # [s] at most
 FREQUENCY = 100.0  # ω [rad/s] of the controller, critically damped
 LOST_ERROR = 1e-2  # [rad] or [m] tracking error beyond which tracking is lost and the execution ends
 
@@ -83,7 +83,7 @@ def execute(arm: Arm, curve: Curve, limits: Array) -> Execution:
 
     The curve must have times; the robot starts on it, with its velocity.
     """
-    count = max(int(np.ceil(curve.widths.sum() / STEP - 1e-9)), 1)
+    count = max(int(np.ceil(curve.widths.sum() / LONGEST_STEP - 1e-9)), 1)
     times = np.linspace(*_span(curve), count + 1)
     wanted, wanted_speed = (curve.at_time(times, order) for order in range(2))
     middle = 0.5 * (times[:-1] + times[1:])

@@ -47,7 +47,7 @@ CATCHING_UP = 0.5  # share of the limits of acceleration and jerk for that
 PATIENCE = 3.0, 10.0  # times the trajectory's own duration, plus [s], after which the run is given up
 MARGIN = -2.5e-4  # [m] for obstacles and links, and
 GROWTH = 0.005  # [m] for both: plans pass closer than a freely moving controller should
-RATE = 50.0  # η [1/s]: a proven motion is slowed only where the robot could not brake
+BRAKING_RATE = 50.0  # η [1/s]: a proven motion is slowed only where the robot could not brake
 HELD_UP_ERROR = 0.05  # [rad] or [m] of any joint behind the trajectory, above which the robot counts as held up
 
 
@@ -97,7 +97,7 @@ class Followed:
         ]
 
     def summary(self) -> dict[str, object]:
-        """Return the same for JSON."""
+        """Return the summary for JSON."""
         return {
             "status": self.certificate.status.value,
             "text": self.text,
@@ -117,7 +117,7 @@ class Followed:
 def follow_settings(rate: float | None = None, margin: float | None = None) -> ControlSettings:
     """Return the settings of a controller that follows plans, with another rate [1/s] or margin [m]."""
     barriers, margin = BarrierSettings(growth=GROWTH, self_growth=GROWTH), MARGIN if margin is None else margin
-    return ControlSettings(barriers, margin, MARGIN, rate=RATE if rate is None else rate)
+    return ControlSettings(barriers, margin, MARGIN, rate=BRAKING_RATE if rate is None else rate)
 
 
 def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | None = None) -> Followed:

@@ -30,7 +30,7 @@ from hdplan.planner.control.window import Window
 from hdplan.scenes.array_types import Array, Mask
 
 MOST_CHECKS = 6  # of commands, including the first, and one whose joints are held
-ROUNDING = 1e-12  # [m] by which a distance that must not fall may do so
+DISTANCE_ROUNDING = 1e-12  # [m] by which a distance that must not fall may do so
 SPARE_DISTANCE = 1e-7  # [m] by which a corrected command should end above that: more than the program's tolerance
 
 
@@ -92,7 +92,7 @@ class LookAhead(NamedTuple):
         times = self.time + window.rates.period * np.arange(1, len(path) + 1, dtype=np.float64)
         moment = sight.barriers.at(path, times)
         # what comes may reach a robot at rest, too: so of that only the next place
-        floors = Floors(seen.floors, sight.next, seen.inside, -ROUNDING)
+        floors = Floors(seen.floors, sight.next, seen.inside, -DISTANCE_ROUNDING)
         found = [lows_near(moment, sight.needed, sight.shaping, floors)]
         if len(seen.inside):
             floors = floors._replace(values=seen.near)

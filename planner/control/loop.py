@@ -182,7 +182,7 @@ class Loop:
         return done
 
     def _awaited(self, pending: Future[Command], until: float) -> bool:
-        """Return whether a step is done, once it is, or once the arm's clock comes to a time: a simulated one stands
+        """Return whether a step is done, as soon as it is or the arm's clock reaches a time: a simulated one stands
         still until then, and a real arm needs its next reference."""
         while not pending.done() and self.arm.time() < until:
             wait([pending], CLOCK_POLL)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from hdplan.planner.control.computed_torque import STEP, Execution
+from hdplan.planner.control.computed_torque import LONGEST_STEP, Execution
 from hdplan.planner.control.loop import Loop
 from hdplan.planner.control.mujoco_model import SEED, mujoco_xml
 from hdplan.planner.motion.curve import Curve
@@ -54,7 +54,7 @@ class MuJoCoArm:
         self._speeds = [speed for _, speed in drives if speed is not None]
         if model is not None:
             _same(self._model, self.robot, joints, self._q, where)
-        every = max(round(STEP / self._model.opt.timestep), 1)
+        every = max(round(LONGEST_STEP / self._model.opt.timestep), 1)
         self._steps, self.period = every, every * float(self._model.opt.timestep)
         self._commanded: list[Array] = []
         self.place(self.robot.configuration(setup.scene.start, setup.scene.from_request))

@@ -16,7 +16,7 @@ from xml.etree import ElementTree as xml
 import numpy as np
 import pinocchio as pin
 
-from hdplan.planner.control.computed_torque import FREQUENCY, STEP
+from hdplan.planner.control.computed_torque import FREQUENCY, LONGEST_STEP
 from hdplan.planner.robot.loads import carrying
 from hdplan.planner.robot.pin_model import motion_axes
 from hdplan.planner.robot.robot import Robot
@@ -46,7 +46,9 @@ def mujoco_xml(setup: Setup) -> str:
     xml.SubElement(
         root, "compiler", angle="radian", boundmass=f"{LEAST_MASS}", boundinertia=f"{LEAST_MASS}", balanceinertia="true"
     )
-    xml.SubElement(root, "option", timestep=f"{STEP}", integrator="implicitfast", gravity=_words(model.gravity.linear))
+    xml.SubElement(
+        root, "option", timestep=f"{LONGEST_STEP}", integrator="implicitfast", gravity=_words(model.gravity.linear)
+    )
     bodies = {0: xml.SubElement(root, "worldbody")}
     drives = xml.SubElement(root, "actuator")
     for i, name in enumerate(robot.joint_names, 1):

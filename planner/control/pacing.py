@@ -59,8 +59,8 @@ def _along(rows: Array, places: Array, law: Array) -> tuple[Array, Array, Array]
 
 
 def slowness(motion: Curve, rates: Rates) -> float:
-    """Return how many times as long a motion with times has to take, so that it requires no more than the rates; less
-    than 1 if it may be faster."""
+    """Return the factor by which a motion with times must be slowed to keep the rates; less than 1 if it may be
+    faster."""
     return _times_as_long(_largest(motion), (rates.velocity, rates.acceleration, rates.jerk))
 
 
@@ -73,7 +73,7 @@ def feasible(motion: Curve, rates: Rates) -> Curve:
 
 
 def slowed(motion: Curve, by: float) -> Curve:
-    """Return the same curve over so many times its duration, with the same beginning."""
+    """Return this curve over so many times its duration, with the same beginning."""
     assert motion.times is not None
     times = motion.times[0] + by * (motion.times - motion.times[0])
     return replace(motion, times=times, given=tuple(each / by**order for order, each in enumerate(motion.given, 1)))

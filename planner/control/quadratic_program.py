@@ -29,7 +29,7 @@ from hdplan.scenes.array_types import Array
 
 SHORTEST_ROW = 1e-12  # shorter rows are left out: no velocity changes them
 UNBOUNDED = 1e30  # DAQP's infinity
-STEPS = 100  # of Newton's method, at most; it takes 1 to 5
+NEWTON_STEPS = 100  # of Newton's method, at most; it takes 1 to 5
 SOLVED = (1, 2)  # DAQP's exit flags of a solution, exact or to its tolerance
 
 Bounds = tuple[Array, Array, Array, NDArray[np.int32]]  # rows, greatest and least values of u and rows, kinds
@@ -78,7 +78,7 @@ def _least_missed(hessian: Array, linear: Array, weighted: Array, wanted: Array,
     u = _solved(hessian, linear, within)
     if u is None:
         return None
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         missed = weighted @ u < wanted
         active = weighted[missed]
         found = _solved(hessian + active.T @ active, linear - active.T @ wanted[missed], within)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.control.computed_torque import STEP, Arm, Execution, execute
+from hdplan.planner.control.computed_torque import LONGEST_STEP, Arm, Execution, execute
 from hdplan.planner.control.loop import measured_tracking
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
@@ -32,7 +32,7 @@ from hdplan.scenes.sizes import Tracking
 CLEARANCE_STEP = 0.01  # [s] between configurations at which the clearance is computed, at most
 LONGEST_MOTION = 3600.0  # [s] that a motion may take: the rows of all steps are kept
 PATH_SAMPLES = 1000  # of a path without times
-ROUNDING = 1e-6  # relative, by which a rate may exceed its limit
+RATE_ROUNDING = 1e-6  # relative, by which a rate may exceed its limit
 TORQUE_EXCESS = 1e-3  # relative, by which a commanded torque may exceed its limit, due to the controller's time steps
 UNNOTICED_JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller notices
 
@@ -175,10 +175,10 @@ def _check_steps(times: Array) -> None:
         raise InputError(
             f"times: the motion takes {times[-1] - times[0]:g} s; at most {LONGEST_MOTION:g} s are simulated"
         )
-    latest, most = float(np.abs(times).max()), 1e-3 * STEP / np.finfo(float).eps  # resolves 0.001 steps
+    latest, most = float(np.abs(times).max()), 1e-3 * LONGEST_STEP / np.finfo(float).eps  # resolves 0.001 steps
     if not latest <= most:
         raise InputError(
-            f"times: {latest:g} s leave no digits for steps of {STEP:g} s; at most {most:.3g} s are allowed"
+            f"times: {latest:g} s leave no digits for steps of {LONGEST_STEP:g} s; at most {most:.3g} s are allowed"
         )
 
 
@@ -193,7 +193,7 @@ def replay(setup: Setup, trajectory: Trajectory, plant: Plant | None = None) -> 
     limits, certifier = setup.limits, Certifier(setup)
     torques = limits.get("torque")
     first, last = (0.0, 1.0) if curve.times is None else (float(curve.times[0]), float(curve.times[-1]))
-    count = max(int(np.ceil((last - first) / STEP)), 1) if timed else PATH_SAMPLES
+    count = max(int(np.ceil((last - first) / LONGEST_STEP)), 1) if timed else PATH_SAMPLES
     by_file = times = np.linspace(first, last, count + 1)
     positions = curve.at_time(times)
     travel = np.ptp(positions, axis=0).tolist()
@@ -274,7 +274,7 @@ def _closest(certifier: Certifier, positions: Array, times: Array) -> tuple[Clos
 
 
 def _overloaded(execution: Execution, limits: Array | None, robot: Robot) -> Iterator[str]:
-    """Return, in words, where the commanded torque first exceeds a limit, if there is one, and whether tracking is
+    """Return the first time, in words, at which the commanded torque exceeds a limit, if any, and whether tracking is
     lost."""
     if (
         limits is not None
@@ -293,7 +293,7 @@ def _overloaded(execution: Execution, limits: Array | None, robot: Robot) -> Ite
 
 
 def _off(execution: Execution, setup: Setup) -> Iterator[str]:
-    """Return, in words, which joint is farther off than the scene's tracking error, for which the proof holds."""
+    """Return the joint, in words, that is farther off than the scene's tracking error, for which the proof holds."""
     lag = setup.scene.robot.tracking
     for name, errors in (("position", execution.errors), ("velocity", execution.velocity_errors)):
         if lag is None or not getattr(lag, name):
@@ -312,7 +312,7 @@ def _beyond(joints: tuple[JointUse, ...]) -> Iterator[str]:
     for what in (name for name in joints[0].peaks if name != "torque"):
         shares = [(use.peaks[what].share or 0.0, use) for use in joints]
         share, use = max(shares, key=lambda found: found[0], default=(0.0, None))
-        if use is not None and share > 1 + ROUNDING:
+        if use is not None and share > 1 + RATE_ROUNDING:
             peak, article = use.peaks[what], "an" if what == "acceleration" else "a"
             yield (
                 f"joint '{use.name}' reaches {article} {what} of {peak.value:.4g} at {peak.time:.3f} s, its limit is "

@@ -124,7 +124,7 @@ def cloud_words(requested: Cloud, read: Cloud) -> str:
 
 
 def reach(balls: Array) -> float:
-    """Return how far balls (m, 4) reach from their frame's origin along an axis [m]."""
+    """Return the reach of balls (m, 4) from their frame's origin along an axis [m]."""
     return float((np.abs(balls[:, :3]).max(axis=1) + balls[:, 3]).max())
 
 

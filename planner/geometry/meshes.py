@@ -111,7 +111,8 @@ class TriangleMesh(ReadOnly):
         return TriangleMesh(self.vertices[used], index.reshape(-1, 3))
 
     def winding_number(self, point: ArrayLike) -> float:
-        """Return how often the mesh winds around `point` (3,): ±1 inside a closed mesh, 0 outside, in between if open.
+        """Return the winding number of the mesh around `point` (3,): ±1 inside a closed mesh, 0 outside, in between if
+        open.
 
         The sum of the triangles' signed solid angles over 4π (A. Jacobson et al., "Robust inside-outside segmentation
         using generalized winding numbers", 2013).

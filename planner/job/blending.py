@@ -7,7 +7,7 @@ in the meantime both add up,
     q(t) = q₁(t) + q₂(t − T₁ + τ) − q,    q where the first ends and the second begins,
 
 with the longest τ for which the link stays within the radius, and the limits hold, for which moves may be slowed; a
-shorter one, where that does not lead to a certificate. Where the path of such a sum, timed again (`timed_anew`), is
+shorter one, where that does not lead to a certificate. Where the path of such a sum, timed again (`retimed_path`), is
 driven sooner, and certified, it takes its place. The marks of stages are at the middles of the blends; each is
 certified as it is driven.
 """
@@ -22,7 +22,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdplan.planner.certificate.verdict import Certificate, Status
-from hdplan.planner.job.anew import timed_anew
 from hdplan.planner.job.blends import UnblendedError, quintic
 from hdplan.planner.job.certify import Proven, certified_stage
 from hdplan.planner.job.compound import LEAST_ROWS, MOST_ROWS, ROWS, Arc, Driven, Path, parts_of
@@ -31,6 +30,7 @@ from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.joining import Piece, exactly_timed, one_after_other
 from hdplan.planner.job.overlap import in_step, longest_overlap, overlapped, slowed
 from hdplan.planner.job.places import link_pose
+from hdplan.planner.job.retimed import retimed_path
 from hdplan.planner.job.stage_scenes import stage_setup, stage_source
 from hdplan.planner.job.stops import rests, with_stops
 from hdplan.planner.job.world import World
@@ -53,10 +53,10 @@ from hdplan.scenes.timing import Timing
 OVERLAP_SHARES = (1.0, 0.6, 0.3, 0.1)  # of the longest overlap of two motions
 TIME_FACTORS = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5)  # times as long as they would take, of moves
 DENSITY_FACTORS = (1, 4, 12)  # times as many configurations along curves
-ROUNDING = 1e-9  # of a limit
+LIMIT_ROUNDING = 1e-9  # [–] relative, by which a limit may be exceeded
 LEAST_ROW_GAP = 1e-4  # [s] least distance of an inserted row from others: rounding would count in accelerations
 BEYOND_MIDDLE = 0.2  # share of half a blend for which a part's tool rates are planned beyond its middle
-STEPS = 8  # of looking for a row
+ROW_STEPS = 8  # of looking for a row
 
 
 @dataclass(frozen=True)
@@ -328,7 +328,7 @@ def _sooner(
         return
     added = [_added(units, [share * each for each in overlaps]) for share in OVERLAP_SHARES[:2]]
     speeds = np.array([worlds[0].scene.job.stages[k].speed for k in group])
-    for motion, marks in timed_anew(_as_one_motion(worlds[0], group), added, speeds, in_time):
+    for motion, marks in retimed_path(_as_one_motion(worlds[0], group), added, speeds, in_time):
         if motion.times is None or than.duration is None or motion.times[-1] >= than.duration:
             return
         begins, ends = units[0].motion.positions[0], units[-1].motion.positions[-1]
@@ -346,7 +346,7 @@ def _overlap(world: World, number: int, one: _Unit, other: _Unit, limited: bool 
     retimer = Retimer(setup)
 
     def allowed(curve: MotionCurve) -> bool:
-        return not limited or all(limit.stretch(curve) <= 1.0 + ROUNDING for limit in retimer.limits)
+        return not limited or all(limit.stretch(curve) <= 1.0 + LIMIT_ROUNDING for limit in retimer.limits)
 
     around = radius_link(world, number), stage.blend
     try:
@@ -377,7 +377,7 @@ def _cut(whole: Trajectory, marks: Sequence[float]) -> list[Trajectory]:
 
 
 def _between(motion: Trajectory, begins: Array, ends: Array) -> Trajectory:
-    """Return the same motion from joint values (n,) to others, from which it differs by rounding: stages around it were
+    """Return this motion from joint values (n,) to others, from which it differs by rounding: stages around it were
     planned to there, and from there."""
     positions = np.concatenate([begins[None], motion.positions[1:-1], ends[None]])
     return Trajectory(
@@ -386,7 +386,7 @@ def _between(motion: Trajectory, begins: Array, ends: Array) -> Trajectory:
 
 
 def _rate(world: World) -> float:
-    """Return how many rows there are at least [1/s]."""
+    """Return the least rate of rows [1/s]."""
     return (world.scene.timing or Timing()).rate
 
 
@@ -406,7 +406,7 @@ def _passes(motion: Trajectory, q: Array, near: float) -> float:
     """Return the time at which a motion is nearest to joint values (n,), close to a time."""
     assert motion.times is not None
     time = near
-    for _ in range(STEPS):
+    for _ in range(ROW_STEPS):
         at = motion.at_time(time)
         square = float(at.velocities @ at.velocities)
         if square == 0.0:
@@ -416,7 +416,7 @@ def _passes(motion: Trajectory, q: Array, near: float) -> float:
 
 
 def _with_row(motion: Trajectory, time: float) -> tuple[Trajectory, int]:
-    """Return the same motion with a row at a time, and its number; one that is there already, if it is close."""
+    """Return this motion with a row at a time, and the row's number; an existing row, if it is close."""
     times = motion.times
     assert times is not None
     assert motion.velocities is not None

@@ -62,7 +62,7 @@ class Leg:
 
     @cached_property
     def backwards(self) -> Leg:
-        """The same curve from its end to its beginning."""
+        """This curve from its end to its beginning."""
         return Leg(self.poses[::-1], self.free, self.speed, self.acceleration)
 
     def leaves(self, radius: float) -> float:
@@ -145,7 +145,7 @@ class Blend:
         return cls(first, second, enters, leaves)
 
     def shares(self, s: Array) -> tuple[Array, Array]:
-        """Return where x₁ and x₂ are on their curves at shares s (k,) of the blend's time."""
+        """Return the places of x₁ and x₂ on their curves at shares s (k,) of the blend's time."""
         one, other = self.first.law, self.second.law
         if one is None or other is None:
             return eased(self.enters, self.leaves, s)

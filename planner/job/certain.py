@@ -43,7 +43,7 @@ STEADY_PLACES = 48  # places along a curve that is followed as steadily as the j
 PLACES = (12, 24, 48, 96, 192, 384, 768, 1536)  # along it, as many as its tolerances need
 ORDER = 4  # of what the motion between places is off, in their distance (`drawn_through`)
 GAP_SHARE = 0.5  # share of the tolerances that the motion between places may take
-HAND_PLACES = 5
+HAND_PLACES = 5  # rows of a straight motion of the fingers
 POSE_COORDINATES = 6  # coordinates of a pose
 LOOKED_FOR = ((0.02, 1, False), (0.004, 1, True), (0.004, 3, True))  # ways along a curve: [m] beyond planner.clearance
 # that their configurations keep, how many times as many of these, and whether they are close to each other everywhere

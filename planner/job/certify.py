@@ -286,7 +286,7 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
 
 
 def _passed(curve: Curve, rates: Rates) -> JointTarget:
-    """Return where a stage that is blended into the next one ends, and how the robot moves there: the middle of the
+    """Return the end of a stage that is blended into the next one, and the robot's rates there: the middle of the
     blend, of which its path constraints or its radius say where it may be."""
     velocity, acceleration = rates
     return JointTarget("goal", tuple(curve.rows[-1].tolist()), velocity=velocity, acceleration=acceleration)
@@ -322,8 +322,8 @@ def _settled(world: World, number: int, part: Trajectory) -> Corner:
 
 
 def _beyond_radius(world: World, number: int, robot: Robot, q: Array) -> str:
-    """Return, in words, how far from its goal a move passes into the next stage; empty if that is within its
-    radius."""
+    """Return the distance, in words, from its goal at which a move passes into the next stage; empty if that is within
+    its radius."""
     assert world.scene.job is not None
     stage = world.scene.job.stages[number]
     assert isinstance(stage, Move)

@@ -344,7 +344,7 @@ class Search:
 
 
 def named(target: JointTarget | PoseTarget | AllOf) -> str:
-    """Return which goal of its move one is, such as "poses[2]"."""
+    """Return the name of a goal within its move, such as "poses[2]"."""
     return target.field.rpartition("move.")[2]
 
 

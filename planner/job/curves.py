@@ -196,8 +196,8 @@ def _blending() -> Iterator[None]:
 
 
 def corner_of(world: World, number: int) -> Corner | None:
-    """Return where a stage that is blended into the next one would have ended; None between two moves, of which the
-    second is to anywhere. Raises InputError for a move to several goals, before a curve."""
+    """Return the corner at which a stage that is blended into the next one would have ended; None between two moves, of
+    which the second is to anywhere. Raises InputError for a move to several goals, before a curve."""
     assert world.scene.job is not None
     stages = world.scene.job.stages
     if not any(isinstance(each, Curve) for each in stages[number : number + 2]):

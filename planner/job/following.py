@@ -17,7 +17,7 @@ from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.targets import PoseTarget
 
-STEPS = 60  # of damped least squares at a place, at most
+SOLVER_STEPS = 60  # of damped least squares at a place, at most
 POSE_ERROR = 1e-7  # [m] and [rad]
 # [rad] or [m] that a joint may move between two places, or be away from a guide; beyond it, the curve runs through a
 # singularity.
@@ -61,7 +61,7 @@ class Places:
         """The errors (N, 6) of rows (N, n), each at its own pose, and their Jacobians (N, 6, n)."""
         return self.link.towards(rows, self.poses)
 
-    def back(self, rows: Array, steps: int = STEPS) -> Array:
+    def back(self, rows: Array, steps: int = SOLVER_STEPS) -> Array:
         """Return rows (N, n) brought to their poses, as far as that goes in some steps. Where joints would go beyond
         their bounds, the others do what they can."""
         rows = np.clip(rows, self.low, self.high)
@@ -150,8 +150,8 @@ def near_guide(robot: Robot, start: Array, follow: Follow, count: int, guide: Ca
 
 
 def drawn_off(robot: Robot, follow: Follow, rows: Array) -> tuple[float, float]:
-    """Return how far a link is from a curve [m], and turned [rad], at most, in the middle between rows (N, n) evenly
-    along it, where a smooth path is drawn through these."""
+    """Return a link's greatest distance from a curve [m], and turn from it [rad], in the middle between rows (N, n)
+    evenly along it, where a smooth path is drawn through these."""
     path, poses = smooth(drawn_through(rows)), spread(follow, 2 * len(rows) - 1)[1::2]
     places = Places.of(robot, follow, poses, np.ones(robot.n), robot.lower, robot.upper)
     error, _ = places.linearized(path((np.arange(len(poses)) + 0.5) / len(poses)))
@@ -162,7 +162,7 @@ def drawn_off(robot: Robot, follow: Follow, rows: Array) -> tuple[float, float]:
 def brought(robot: Robot, aim: Aim, q: Array) -> Array | str:
     """Return joint values (n,) that reach an aim, from some close to it; or say what keeps the robot from it."""
     rows = q[None]
-    for _ in range(STEPS):
+    for _ in range(SOLVER_STEPS):
         error, jacobian = aim.linearized(rows)
         if (aim.sizes(error) <= POSE_ERROR).all():
             return np.asarray(rows[0])
@@ -209,7 +209,7 @@ def spread(follow: Follow, count: int) -> Array:
 
 
 def lengths_of(poses: Array, free: str) -> tuple[Array, Array]:
-    """Return how far it is from each of some poses (N, 4, 4) to the next (N − 1,), and the turns (N − 1, 3)."""
+    """Return the distances (N − 1,) from each of some poses (N, 4, 4) to the next, and the turns (N − 1, 3)."""
     turns = turns_between(poses, free)
     return np.hypot(
         np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1), TURN_RADIUS * np.linalg.norm(turns, axis=1)

@@ -28,7 +28,7 @@ class Piece:
 
 
 def exactly_timed(motion: Trajectory) -> Trajectory:
-    """Return the same motion from time 0 on, at multiples of TIME_GRID: sums and differences of such times are no
+    """Return this motion from time 0 on, at multiples of TIME_GRID: sums and differences of such times are no
     rounding, so that each piece of a joined motion of up to two minutes is the motion that it was, to the last bit."""
     assert motion.times is not None
     return replace(motion, times=np.round((motion.times - motion.times[0]) / TIME_GRID) * TIME_GRID)

@@ -50,7 +50,7 @@ def slowed(motion: Trajectory, factor: float) -> Trajectory:
 
 
 def in_step(motion: Trajectory, rate: float) -> Trajectory:
-    """Return the same motion a little slower, with rows that lie a multiple of 1 / (GRID rate) apart: rows of two
+    """Return this motion a little slower, with rows that lie a multiple of 1 / (GRID rate) apart: rows of two
     motions are then together or well apart, and jerk between them is no rounding."""
     interval = float(motion.duration or 0.0) / (len(motion) - 1)
     grid = 1.0 / (GRID * rate)

@@ -100,7 +100,7 @@ def plan_job(
 
 
 def _failure(search: Search, names: Sequence[str], done: int, interrupted: bool) -> str:
-    """Return, in words, which stage stopped the job, why, and what would help."""
+    """Return the stage that stopped the job, in words, with the reason and a remedy."""
     if interrupted:
         return f"interrupted before stage '{names[done]}' was planned"
     if done not in {number for number, *_ in search.refused}:

@@ -40,14 +40,14 @@ VALUES = (1, 96, 144, 216)  # of joints that are held for a closed form, by thei
 FIRST_CONFIGURATIONS = 300  # sought at the first place
 NEW_CONFIGURATIONS = 120  # sought again at every other place
 KEPT_CONFIGURATIONS = 240  # kept at most at a place
-STEPS = 40  # of damped least squares
+SOLVER_STEPS = 40  # of damped least squares, at most
 LARGEST_STEP = 0.45  # [rad] or [m] that a joint may move from layer to layer
-# [rad] or [m] from the limits of joints, of ways that are followed; at most a share of their range
-INNER, ROOM = 0.03, 0.01
+# [rad] or [m] between ways and the limits of joints, and the largest share of a joint's range for it
+INNER_MARGIN, INNER_SHARE = 0.03, 0.01
 NEAR_BLOCKED = 0.12  # [rad] or [m] around a configuration that is not free, where others of its layer are left out too
 LIMIT_POWER, LIMIT_WEIGHT = 5, 0.05  # power of the square, and weight, of how close joints are to their limits
 SAME_BEGINNING = 0.3  # [rad] or [m] between the beginnings of two ways that are tried one after the other
-ROUNDS, BACK = 10, 8  # of evening, and steps back to the poses after each
+EVENING_ROUNDS, BACK_STEPS = 10, 8  # of evening, and steps back to the poses after each
 EVENED_STEP = 1e-2  # [rad] or [m] below which a round of it ends
 EVENING_DAMPING = 1e-3  # of evening
 REFINEMENTS, EVENINGS = 2, 2  # times that configurations are put in between at last, and evened each time
@@ -149,7 +149,7 @@ class Layers:
         return cost
 
     def cheapest(self) -> list[int] | None:
-        """Return which configuration of each layer the cheapest way takes; None if there is no way."""
+        """Return the configuration of each layer on the cheapest way; None if there is no way."""
         del self._reached[self._changed :]
         while (k := len(self._reached)) < len(self._own):
             if k == 0:
@@ -277,14 +277,14 @@ def _configurations(
 
 def inner_limits(robot: Robot) -> tuple[Array, Array]:
     """Return the limits of joints (n,), (n,) for ways."""
-    room = np.minimum(INNER, ROOM * (robot.upper - robot.lower))
+    room = np.minimum(INNER_MARGIN, INNER_SHARE * (robot.upper - robot.lower))
     return robot.lower + room, robot.upper - room
 
 
 def _reached(robot: Robot, target: PoseTarget, q: Array) -> Array:
-    """Return those of some configurations (B, n) that reach a target, brought there."""
+    """Return the configurations, of (B, n), that can be moved onto a target, on it."""
     aim = Aim.at(robot, target)
-    for _ in range(STEPS):
+    for _ in range(SOLVER_STEPS):
         error, jacobian = aim.linearized(q)
         if (np.abs(error) <= POSE_ERROR).all():
             break
@@ -297,7 +297,7 @@ def _wrong_between(places: Places, way: Array, free: Free) -> Mask:
     """True (layers − 1,) where between two configurations of a way (layers, n) the middle of the two poses is out of
     reach, or not free."""
     middles = places.every(slice(1, None, 2))
-    rows = middles.back(0.5 * (way[:-1] + way[1:]), BACK)
+    rows = middles.back(0.5 * (way[:-1] + way[1:]), BACK_STEPS)
     return ~middles.reached(rows) | ~free(rows)
 
 
@@ -317,10 +317,10 @@ def _with_smaller_steps(between: Places, way: Array, fixed: bool, kept: Callable
     places = between.every(slice(0, None, 2))
     held = np.zeros(len(way), dtype=bool)
     held[0] = fixed
-    for _ in range(ROUNDS):
+    for _ in range(EVENING_ROUNDS):
         step = _shortening(places, way, held)
         moved = way + min(1.0, LARGEST_STEP / max(np.abs(step).max(), 1e-12)) * step
-        moved[~held] = places.back(moved, BACK)[~held]
+        moved[~held] = places.back(moved, BACK_STEPS)[~held]
         wrong = (
             ~places.reached(moved) | ~kept(moved) | _beside(np.abs(np.diff(moved, axis=0)).max(axis=1) > LARGEST_STEP)
         )

@@ -15,7 +15,7 @@ from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.targets import PoseTarget
 
 LARGEST_GAP = 0.3  # [rad] or [m] between neighbours at two values; a larger gap gets another value in the middle
-HALVINGS = 5  # of the distance of two values
+VALUE_HALVINGS = 5  # of the distance of two values
 
 
 def close_branches(form: ClosedForm, robot: Robot, target: PoseTarget, seed: Array, count: int) -> Array:
@@ -27,7 +27,7 @@ def close_branches(form: ClosedForm, robot: Robot, target: PoseTarget, seed: Arr
     if len(held) != 1 or held[0] < 0:
         return rows
     values = np.sort(values[:, 0])
-    for _ in range(HALVINGS):
+    for _ in range(VALUE_HALVINGS):
         first = np.flatnonzero(_far_apart(values, rows, int(held[0])))
         if not len(first):
             break

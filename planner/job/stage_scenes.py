@@ -187,7 +187,7 @@ def moves_fingers(stage: Stage) -> bool:
 
 
 def stage_source(scene: Scene, number: int) -> str:
-    """Return where a stage stands, for error messages: "jobs.yaml: job[2] (descend)"."""
+    """Return the source of a stage, for error messages: "jobs.yaml: job[2] (descend)"."""
     assert scene.job is not None
     return f"{scene.source}: job[{number}] ({scene.job.names[number]})"
 

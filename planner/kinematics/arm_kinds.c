@@ -186,7 +186,7 @@ static void keep(search* along, const try* one) {
   q[5] = last_angle(axes, along->goal, q, along->other[5]);
 }
 
-/* The try that goes on from another, the nearest by its first three angles; −1 where none is near. */
+/* The attempt that continues from another, the nearest by its first three angles; −1 where none is near. */
 static int next_of(const try* from, const place* to) {
   int nearest = -1;
   double least = 0.7;

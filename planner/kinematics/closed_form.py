@@ -110,7 +110,7 @@ class ClosedForm(NamedTuple):
         return bool(self.ways[0].held)
 
     def words(self, robot: Robot) -> str:
-        """Return, in words, how configurations are found."""
+        """Return the method of the closed form in words."""
         way = self.ways[0]
         names = " and ".join(robot.joint_names[self.planned[joint]] for joint in way.held)
         return f"in closed form, {WORDS[way.kind]}" + f"; {names} at values around the seed's" * bool(names)
@@ -164,7 +164,7 @@ def _lattice(count: int, m: int) -> Array:
 
 
 def closed_form(robot: Robot, target: PoseTarget) -> ClosedForm | None:
-    """Return how a link's configurations are found in closed form; None where they are not: of another geometry, where
+    """Return the closed form of a link's inverse kinematics; None where there is none: of another geometry, where
     joints that follow others move the link, any rotation is free, or hdplan was built without a C compiler. Raises
     InputError as `link_frame`."""
     if library() is None or target.free_rotation == "all":

@@ -47,14 +47,14 @@ class LinkPose(NamedTuple):
         return self.towards(q, self.target.pose.matrix)
 
     def towards(self, q: Array, wanted: Array) -> tuple[Array, Array]:
-        """The same with other poses in place of the target's: one (4, 4), or one for each row (B, 4, 4)."""
+        """This target with other poses in place of its own: one (4, 4), or one for each row (B, 4, 4)."""
         place = self.moving(self.arm.evaluate(self.robot.expand(q)))
         error, kept = off_pose(place, wanted, self.target.free_rotation)
         jacobian = np.concatenate([place.linear, kept(place.angular)], axis=2).transpose(0, 2, 1)
         return error, self.robot.fold(jacobian)
 
     def moving(self, state: KinematicsBatch) -> Moving:
-        """Return where the link is at B configurations, and what moves it."""
+        """Return the link's poses at B configurations, and its derivatives by the joints."""
         joint, rotations = self.joint, state.rotations[:, self.joint]
         origin = rotations @ self.placement[:3, 3] + state.translations[:, joint]
         moved = self.arm.supports[joint][:, None]
@@ -72,8 +72,8 @@ class Moving(NamedTuple):
 
 
 def off_pose(place: Moving, wanted: Array, free: str) -> tuple[Array, Callable[[Array], Array]]:
-    """Return how far a frame is off a pose (4, 4) or (B, 4, 4): translation and rotation (B, 6) in world axes, and what
-    of angular velocities (B, n, 3) changes that, with the rotations that are free."""
+    """Return the error of a frame from a pose (4, 4) or (B, 4, 4): translation and rotation (B, 6) in world axes, and
+    what of angular velocities (B, n, 3) changes that, with the rotations that are free."""
     kept: Callable[[Array], Array]
     if free == "all":
         turn, kept = np.zeros_like(place.origin), np.zeros_like

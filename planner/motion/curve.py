@@ -234,7 +234,7 @@ class Curve:
         return np.asarray(starts - ends)
 
     def jumps(self, before: Array | float = 0.0, after: Array | float = 0.0) -> Array:
-        """Return how large (N, n) its steps are."""
+        """Return the sizes (N, n) of its steps."""
         return np.asarray(np.abs(self.steps(before, after)))
 
 

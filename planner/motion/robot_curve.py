@@ -14,7 +14,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError, nearest
 
 BEYOND_LIMIT = 1e-9  # [rad] or [m] by which a motion may be beyond a joint limit: rounding
-HALVINGS = 40  # of an interval, to distinguish a curve that grazes a limit from one that passes it
+MOST_HALVINGS = 40  # of an interval, to distinguish a curve that grazes a limit from one that passes it
 SAME_LOCKED = 1e-6  # [rad] or [m] between a locked joint's value in trajectory and scene
 
 
@@ -71,18 +71,18 @@ def _check_following(given: Mapping[str, ArrayLike], every: Mapping[str, NDArray
 
 
 def beyond_limits(curve: Curve, robot: Robot) -> str | None:
-    """Return, in words, where a motion is beyond the position limits; None if it is nowhere.
+    """Return the place, in words, at which a motion is beyond the position limits; None if there is none.
 
     A part of the curve lies within the hull of its control points, the first and last of which are on the curve. So a
     part whose hull exceeds a limit is halved, until a point on the curve exceeds it, or no hull does.
     """
     interval, control = np.arange(len(curve) - 1), curve.control  # (k,), (k, d + 1, n)
-    for halving in range(HALVINGS + 1):
+    for halving in range(MOST_HALVINGS + 1):
         excess = np.maximum(robot.lower - control, control - robot.upper)
         open_ = ~(excess <= BEYOND_LIMIT).all(axis=(1, 2))
         if not open_.any():
             return None
-        if not (excess[:, [0, -1]] <= BEYOND_LIMIT).all() or halving == HALVINGS:
+        if not (excess[:, [0, -1]] <= BEYOND_LIMIT).all() or halving == MOST_HALVINGS:
             break
         interval, control = np.repeat(interval[open_], 2), halves(control[open_])
     on_curve = excess[:, [0, -1]]

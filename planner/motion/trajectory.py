@@ -42,7 +42,7 @@ class StageMark:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Waypoints in joint space, and the curve through them; of a job, with marks where its stages begin.
+    """Waypoints in joint space, and the curve through them; a job's has marks where its stages begin.
 
     Raises InputError if the shapes do not match, a joint name appears twice, a number is not finite, there are fewer
     than 2 rows, the times do not increase, or there are velocities without times or accelerations without velocities.
@@ -119,7 +119,7 @@ class Trajectory:
         return Curve.through(self.positions, self.times, self.velocities, self.accelerations)
 
     def of_joints(self, names: tuple[str, ...], locked: Mapping[str, float]) -> Trajectory:
-        """Return the same motion with the columns of these joints only, in that order; raises InputError for a joint
+        """Return this motion with the columns of these joints only, in that order; raises InputError for a joint
         that it does not have."""
         for name in names:
             if name not in self.joint_names:

@@ -43,7 +43,7 @@ def _plane(
 
 
 def slab_of(plane: Plane, nearest: Closest) -> tuple[Array, float]:
-    """Return where a plane is drawn (3,), beside the closest points of its two bodies, and how thick [m]."""
+    """Return the position (3,) of a drawn plane, beside the closest points of its two bodies, and its thickness [m]."""
     middle = nearest.points.mean(axis=0)
     point = middle + plane.normal * (plane.normal @ (plane.point - middle))
     return point, max(min(plane.bound, plane.gap), LEAST_THICKNESS)

@@ -37,7 +37,7 @@ from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 
-RATE = 50.0  # [1/s] places of what is held
+HELD_RATE = 50.0  # [1/s] places of what is held
 
 
 class ShownStage:
@@ -177,11 +177,11 @@ class ShownJob:
         return np.asarray(np.searchsorted(begins, times, side="right") - 1)
 
     def _carried(self, robot: Robot) -> dict[str, TimedPoses]:
-        """Return how each object moves that is held at some time, by the joints' places then."""
+        """Return the motion of each object that is held at some time, by the joints' places then."""
         curve, links = curve_of(robot, self.trajectory), links_of(robot)
         found: dict[str, tuple[list[float], list[Any]]] = {}
         for stage in self.certificate.stages:
-            count = max(2, int(np.ceil(RATE * (stage.ends - stage.begins))) + 1)
+            count = max(2, int(np.ceil(HELD_RATE * (stage.ends - stage.begins))) + 1)
             times = np.linspace(stage.begins, stage.ends, count)
             joints = curve.at_time(times)
             for each in stage.scene.attached:

@@ -180,7 +180,7 @@ def _motion(robot: Robot, timeline: Timeline, motion: ShownMotion, number: int) 
 
 
 def _share(timeline: Timeline, motion: ShownMotion, share: Share) -> dict[str, Any]:
-    """Return how much of its limits a quantity takes [%], at the motion's samples."""
+    """Return the share of its limits that a quantity takes [%], at the motion's samples."""
     when = timeline.moments(motion.curve, motion.parameter)
     values = np.interp(when, share.times, 100.0 * share.values)
     return {"quantity": share.quantity, "when": when, "values": values, "color": SHARES[share.quantity]}

@@ -25,7 +25,11 @@ from hdplan.planner.pictures.rates import draw_rate
 from hdplan.planner.pictures.scene import DRIFTING_PAINTS, STANDING_PAINT, Picture, draw_scene
 from hdplan.planner.pictures.style import BETWEEN, CONTACT, FIXED, GOAL, GOOD, INK, OBSTACLE, RC, START, plain
 
-WIDTH, HEIGHT, RATE = 11.7, 8.3, 1.35  # [in] A4 landscape, plus the extra height for each panel of a rate or torque
+WIDTH, HEIGHT, PANEL_HEIGHT = (
+    11.7,
+    8.3,
+    1.35,
+)  # [in] A4 landscape, plus the extra height for each panel of a rate or torque
 HEAD, LINE, FOOT = 0.93, 0.17, 0.5  # [in] above the panels, and more for each line of the verdict; below them
 GAP = 0.75  # [in] between two panels: the upper one's axis, the lower one's title
 TITLE_WIDTH = 132  # characters
@@ -48,7 +52,7 @@ def motion_panels(subject: Subject) -> list[tuple[float, Draw]]:
 
 def sheet_of(subject: Subject, panels: Sequence[tuple[float, Draw]]) -> Figure:
     """Return a figure with these panels beside the scene."""
-    height = HEIGHT + RATE * max(0, len(panels) - 2 - bool(subject.steps))
+    height = HEIGHT + PANEL_HEIGHT * max(0, len(panels) - 2 - bool(subject.steps))
     verdict = textwrap.wrap(plain(subject.certificate.text, 3 * TITLE_WIDTH - 30), TITLE_WIDTH)
     head = HEAD + LINE * len(verdict)
     band = {"bottom": FOOT / height, "top": 1.0 - head / height}

@@ -135,7 +135,7 @@ def assemble(setup: Setup, query: Query, deadline: float = math.inf, closely: bo
     )
 
 
-def seen_anew(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> Problem:
+def with_seen_points(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> Problem:
     """See `Problem.with_cloud`."""
     scene = problem.scene
     clouds = {each.name: each.shape for each in scene.obstacles if isinstance(each.shape, Cloud)}
@@ -205,7 +205,7 @@ def more_closely(problem: Problem) -> Problem:
 
 
 def exactly(problem: Problem) -> Problem:
-    """Return the same problem with the exact distances of what the bodies enclose in place of the HD-SDF of the bodies,
+    """Return the problem with the exact distances of what the bodies enclose in place of the HD-SDF of the bodies,
     from standing obstacles and between links; the problem itself with another distance."""
     settings, terms = problem.scene.planner, problem.terms
     if problem.exact or settings.distance != "hdsdf" or settings.swept:
@@ -221,10 +221,10 @@ def exactly(problem: Problem) -> Problem:
     return replace(problem, terms=terms, exact=True)
 
 
-def _with_own(problem: Problem, anew: Problem) -> Problem:
+def _with_own(problem: Problem, rebuilt: Problem) -> Problem:
     """Give a problem that was assembled again the user's own terms, and distances as exact."""
-    anew = exactly(anew) if problem.exact else anew
-    return replace(anew, terms=replace(anew.terms, own=problem.terms.own, costs=problem.terms.costs))
+    rebuilt = exactly(rebuilt) if problem.exact else rebuilt
+    return replace(rebuilt, terms=replace(rebuilt.terms, own=problem.terms.own, costs=problem.terms.costs))
 
 
 def _clearance(

@@ -205,13 +205,13 @@ class StaticTorque(Hinge):
     measure: GravityMeasure
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
-        """As every hinge's."""
+        """The hinge's value, by a loop in C where there is one."""
         if loops := library():
             return self._by_loop(loops, kinematics, None).depth
         return super().depth(kinematics, parameter)
 
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty | None:
-        """As every hinge's."""
+        """The hinge's value, by a loop in C where there is one."""
         if loops := library():
             found = self._by_loop(loops, kinematics, samples.weight)
             return found if found.depth.any() else None

@@ -14,7 +14,7 @@ import numpy as np
 from hdplan.scenes.array_types import Array
 
 POINTS = 65  # on the segment, before the bisection
-HALVINGS = 40  # of the interval in which the rule fails most
+INTERVAL_HALVINGS = 40  # of the interval in which the rule fails most
 JUMP_SHARE = 1e-6  # of the largest value or slope: a jump, and no rounding
 
 Sampled = Callable[[Array], tuple[Array, Array, Array]]
@@ -34,7 +34,7 @@ def place_of_jump(sampled: Sampled, start: Array, end: Array) -> float | None:
         size = float(np.abs(levels).max(initial=0.0))
         worst = int(_unexplained(share, levels, rates).argmax())
         ends = share[worst], share[worst + 1]
-        for _ in range(HALVINGS):
+        for _ in range(INTERVAL_HALVINGS):
             three = np.array([ends[0], 0.5 * (ends[0] + ends[1]), ends[1]])
             value, slope, hessian = sampled(start + three[:, None] * along)
             level, rate = (value, slope[:, None] @ along) if levels is values else (slope, hessian @ along)

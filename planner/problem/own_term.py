@@ -219,7 +219,7 @@ class WrittenTerm(Term):
         return diagonal / (count - 1), coupling / (count - 1)
 
     def over_motion(self, positions: Array, kinematics: Kinematics) -> MotionPenalty:
-        """The same with waypoints (N, m) of all joints of the model."""
+        """The penalty on waypoints (N, m) of all joints of the model."""
         found, m = self.planned(positions[:, self.own]), positions.shape[1]
         spread = np.zeros((len(positions), m))
         spread[:, self.own] = found.gradient
@@ -230,7 +230,7 @@ class WrittenTerm(Term):
         """Zero: the term has no part at the samples."""
 
     def second_order_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array]:
-        """The same with all joints of the model."""
+        """The second-order residual with all joints of the model."""
         diagonal, coupling = self.planned_second_order(positions[:, self.own])
         return self._spread(diagonal, positions.shape[1]), self._spread(coupling, positions.shape[1])
 
@@ -240,7 +240,7 @@ class WrittenTerm(Term):
         return self.written(motion.first[rows, :], motion.step[rows, :])
 
     def written(self, first: ca.MX, step: ca.MX) -> ca.MX:
-        """The same of intervals of the planned joints (n, N − 1)."""
+        """Sum of the term over intervals of the planned joints (n, N − 1)."""
         count = first.shape[1]
         return ca.sum2(self.each.map(count - 1)(first[:, 1:], step[:, 1:])) / count
 
@@ -270,12 +270,12 @@ def _semidefinite(blocks: Array) -> Array:
 
 
 def hard_constraints(terms: Sequence[Term]) -> list[WrittenTerm]:
-    """Return those of the terms that are constraints."""
+    """Return the terms that are constraints."""
     return [term for term in terms if isinstance(term, WrittenTerm) and term.definition.kind == "constraint"]
 
 
 def left(terms: Sequence[Term], positions: Array) -> tuple[str, ...]:
-    """Return, in words, which constraints among terms a motion (N, n) leaves, and how far."""
+    """Return the constraints among terms, in words, that a motion (N, n) violates, and by how much."""
     found = [(term.name, term.excess(positions)) for term in hard_constraints(terms)]
     return tuple(
         f"term '{name}': its bounds are exceeded by {excess:.3g} at a waypoint"

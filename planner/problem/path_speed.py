@@ -77,7 +77,7 @@ class PathSpeed:
         )
 
     def expression(self, steps: ca.MX) -> ca.MX:
-        """The same as an expression of the steps (n, N − 1) between waypoints."""
+        """The path speed as an expression of the steps (n, N − 1) between waypoints."""
         import casadi as ca
 
         square = (steps * self.shares) ** 2 + 1e-18  # the norm has no second derivative where nothing moves

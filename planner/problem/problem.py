@@ -88,7 +88,7 @@ class Terms:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A problem to be solved. It never changes; `refined` and others return a new one."""
+    """A planning problem, ready for a solver. It never changes; `refined` and others return a new one."""
 
     setup: Setup
     start: Array  # (n,)
@@ -113,12 +113,12 @@ class Problem:
 
     @property
     def scene(self) -> Scene:
-        """The task."""
+        """The scene of the problem."""
         return self.setup.scene
 
     @property
     def robot(self) -> Robot:
-        """Whose motion is planned."""
+        """The robot whose motion is planned."""
         return self.setup.robot
 
     @property
@@ -188,7 +188,7 @@ class Problem:
         return MotionPenalty(found.cost, linkage.fold(found.gradient), diagonal, coupling, found.depth)
 
     def _penalty(self, positions: Array) -> MotionPenalty:
-        """The same with waypoints (N, m) and derivatives of all joints of the model, the variables of the terms."""
+        """The penalty with waypoints (N, m) and derivatives of all joints of the model, the variables of the terms."""
         if compiled := library():
             kinematics, found = self._at_samples(compiled, positions)
         else:
@@ -295,9 +295,9 @@ class Problem:
         says which cloud if there are several. Raises InputError for points that a `Cloud` refuses, and for a name that
         no cloud has.
         """
-        from hdplan.planner.problem.assemble import seen_anew
+        from hdplan.planner.problem.assemble import with_seen_points
 
-        return seen_anew(self, points, name)
+        return with_seen_points(self, points, name)
 
     def refined(self, intervals: list[int]) -> Problem:
         """A copy of the problem, sampled twice as densely on the given intervals."""

@@ -104,7 +104,7 @@ class SymbolicPenalty:
 
     @property
     def standing(self) -> SymbolicPenalty:
-        """The same without derivatives by the obstacles' poses, as a solver needs it: several times as fast."""
+        """The penalty without derivatives by the obstacles' poses, as a solver needs it: several times as fast."""
         found = copy.copy(self)
         found.movable = False
         return found
@@ -225,7 +225,7 @@ class SymbolicPenalty:
 
 
 def linear(expression: ca.MX, x: ca.MX) -> ca.MX:
-    """The same column A x + b as one product: its derivatives are a fraction of those of what makes it up."""
+    """The column A x + b as one product: its derivatives are a fraction of those of what makes it up."""
     at_zero = ca.Function("linear", [x], [ca.jacobian(expression, x), expression])
     matrix, offset = at_zero(0)
     product = ca.mtimes(ca.sparsify(matrix), x)

@@ -85,8 +85,8 @@ class Term:
         raise InputError(f"hessian: no second derivatives are known of the term '{self.name}'; allowed: gauss_newton")
 
     def second_order_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array] | None:
-        """The same of the penalty on the motion as a whole, as the blocks (N, n, n) and (N − 1, n, n) of
-        `MotionPenalty`."""
+        """The second-order residual of the penalty on the motion as a whole, as the blocks (N, n, n) and (N − 1, n, n)
+        of `MotionPenalty`."""
         return None
 
     def written_at_sample(self, place: SymbolicPlace) -> ClosedForm | None:

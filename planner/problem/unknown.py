@@ -27,18 +27,18 @@ from hdplan.scenes.targets import JointTarget
 if TYPE_CHECKING:
     from hdplan.scenes.obstacle_motion import ObstacleMotion
 
-STEP, MOST_SPANS = 0.01, 48  # [m] by which a body grows from one span to the next; how many there are at most
+GROWTH_STEP, MOST_SPANS = 0.01, 48  # [m] by which a body grows from one span to the next; how many there are at most
 AWAY_DISTANCE = 1e4  # [m] where a body is in spans that are not its own
 
 
 def kept(setup: Setup) -> dict[str, float]:
-    """Return how far links are to be kept from each obstacle at time 0, by its name [m]."""
+    """Return the distance to keep between links and each obstacle at time 0, by its name [m]."""
     own, clearances = of_robot(setup)[0], setup.scene.clearances
     return {each.name: clearances[each.name] + sum(of_obstacle(each)[:2]) + own for each in setup.scene.obstacles}
 
 
 def of_obstacle(obstacle: Obstacle) -> tuple[float, float, float]:
-    """Return how far points of an obstacle may be from its nominal pose, for its position and its turn [m], and
+    """Return the displacements of an obstacle's points from its nominal pose, by its position and its turn [m], and
     its speed [m/s]."""
     unknown = obstacle.uncertainty
     turns = unknown is not None and unknown.orientation > 0.0
@@ -47,7 +47,7 @@ def of_obstacle(obstacle: Obstacle) -> tuple[float, float, float]:
 
 
 def of_robot(setup: Setup) -> tuple[float, float]:
-    """Return how far points of links may be from their nominal places, in the world and from other links [m]."""
+    """Return the displacements of links' points from their nominal places, in the world and from other links [m]."""
     robot, off = setup.robot, tracking_of_all(setup.scene, setup.robot)
     moved = sum(of_base(setup)) + float(by_joints(setup).sum(axis=1).max(initial=0.0))
     if not off.any():
@@ -62,7 +62,7 @@ def of_robot(setup: Setup) -> tuple[float, float]:
 
 
 def of_base(setup: Setup) -> tuple[float, float]:
-    """Return how far points of links may be for the base's position and its turn [m]."""
+    """Return the displacements of links' points by the base's position and its turn [m]."""
     base = setup.scene.robot.calibration
     if base is None:
         return 0.0, 0.0
@@ -70,7 +70,7 @@ def of_base(setup: Setup) -> tuple[float, float]:
 
 
 def by_joints(setup: Setup) -> Array:
-    """Return how far points of each link may be for what each joint may be off (L, m) [m]."""
+    """Return the displacements (L, m) of each link's points by the error of each joint [m]."""
     off = tracking_of_all(setup.scene, setup.robot)
     return _reach(setup)[0] * off if off.any() else np.zeros((0, len(off)))
 
@@ -124,7 +124,7 @@ def spans(obstacle: Obstacle, duration: float) -> tuple[Span, ...]:
     from hdplan.scenes.obstacle_motion import ObstacleMotion
 
     motion, speed = ObstacleMotion.of(obstacle), of_obstacle(obstacle)[2]
-    count = int(np.clip(np.ceil(speed * duration / STEP), 1, MOST_SPANS))
+    count = int(np.clip(np.ceil(speed * duration / GROWTH_STEP), 1, MOST_SPANS))
     edges = np.linspace(0.0, duration, count + 1)
     growth = (speed * edges[1:]).tolist()
     edges[0], edges[-1] = -np.inf, np.inf

@@ -31,7 +31,7 @@ COMMON = 4  # levels of the trees, on whose intervals bodies are placed at once
 DIVIDED_TWICE = 60  # items that are divided twice before they are examined again
 AT_ONCE = 20_000  # leaves examined together
 NEAR_MOTION = 0.3  # [m] by which two bodies may move against each other for a direction of their middle to be of use
-ROUNDING = 1e-9  # [m] by which the kernel's own bound may be less, as it counts roundings
+KERNEL_ROUNDING = 1e-9  # [m] by which the kernel's own bound may be less, as it counts roundings
 NUDGE = 1e-5  # [rad] of slightly turned poses
 FLAT_RATIO = 1e-4  # thickness, as a share of the size, below which coal gets a thicker hull
 
@@ -82,9 +82,9 @@ class Planes:
                 part = slice(begin, begin + AT_ONCE)
                 nodes, node = spans.at(low[part], high[part])
                 normal[part], bound[part], distance[part] = self._examine(
-                    nodes, Items(node, pair[part], bound[part], normal[part]), floor[pair[part]] + ROUNDING
+                    nodes, Items(node, pair[part], bound[part], normal[part]), floor[pair[part]] + KERNEL_ROUNDING
                 )
-            good = bound >= floor[pair] + ROUNDING
+            good = bound >= floor[pair] + KERNEL_ROUNDING
             done.append((pair[good], low[good], depth[good], normal[good]))
             short = ~good & (high - low <= SHORTEST_INTERVAL)
             for i in np.flatnonzero(~good & ((distance < floor[pair]) | short)).tolist():

@@ -113,7 +113,7 @@ class Spans:
         return turn, at
 
     def _reach(self, center: Array, joint: Rows, axes: Array, points: Array, most: Array) -> Array:
-        """Return how far pieces (k, m, n) may be from the joints' axes."""
+        """Return the greatest distances of pieces (k, m, n) from the joints' axes."""
         world, moving = self.world, self.bodies.moving
         x = [center[..., i] - points[..., i].T[:, :, None] for i in range(3)]  # each (n, k, m)
         z = [axes[..., i].T[:, :, None] for i in range(3)]

@@ -248,7 +248,7 @@ def _limits(setup: Setup) -> Plain:
 
 
 def _sizes(setup: Setup) -> Plain:
-    """Return how far obstacles, joints and the robot's base may be from their nominal values, where any may."""
+    """Return the sizes by which obstacles, joints and the robot's base may be off their nominal values, if any."""
     if not any(unknown_in(setup.scene)):
         return {}
     scene, base = setup.scene, setup.scene.robot.calibration

@@ -83,7 +83,7 @@ def plain_goal(setup: Setup) -> list[Plain]:
 
 
 def _rates(rates: EndRates | None) -> Plain:
-    """Return how the robot moves through an end, where the scene says so."""
+    """Return the robot's rates at an end, where the scene has them."""
     return {} if rates is None else {name: numbers(values) for name, values in rates.given.items()}
 
 

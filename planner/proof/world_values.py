@@ -29,7 +29,7 @@ from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
 Plain = dict[str, Any]
 
-BOUND = 2e-11
+BOUND = 2e-11  # of the error of computed numbers, `off` in docs/world.md
 CORNERS = read_only(np.array(list(itertools.product((-1.0, 1.0), repeat=3))))  # of a box
 
 

@@ -55,7 +55,7 @@ class Nominal:
         return curve, curve.over_time(1), curve.over_time(2)
 
     def driven(self, law: Array) -> Rows:
-        """Return where the robot is at rows (k, 3) of a law: s, ṡ, s̈; beyond its end it stands."""
+        """Return the robot's state at rows (k, 3) of a law: s, ṡ, s̈; beyond its end it stands."""
         place = self._curves[0].place_of(np.clip(law[:, 0], self.begins, self.ends))
         position, first, second = (curve.at(*place) for curve in self._curves)
         speed, change = law[:, 1, None], law[:, 2, None]

@@ -42,7 +42,7 @@ class Question:
     now: float  # [s]
     horizon: float  # [s] from a picture to the standstill of a motion that it proves
     nominal: Nominal | None  # that the robot drives
-    anew: bool  # whether that leads to another goal
+    new_goal: bool  # whether the goal has changed
     row: int  # of the nominal motion, from which on its rest may be replaced
     standing: Array | None  # (n,) where the robot will stand and start again; None: it continues at `row`
     stuck: bool  # whether the robot stands, though its way may be free
@@ -65,9 +65,9 @@ class Answer:
 
 
 def outlook(question: Question) -> Answer:
-    """Return whether the way is free, and another one if not."""
+    """Return the verdict on whether the way is free, and another way if not."""
     nominal = question.nominal
-    kept = nominal is not None and not question.anew and not (question.stuck and nominal.margin < question.horizon)
+    kept = nominal is not None and not question.new_goal and not (question.stuck and nominal.margin < question.horizon)
     if kept and _free(question):
         return Answer(question, None)
     why = ""
@@ -102,7 +102,7 @@ def _free(question: Question) -> bool:
 def _way(question: Question, margin: float) -> Nominal:
     """Return a new way. Raises HdplanError if none is found."""
     nominal, standing, known = question.nominal, question.standing, question.sightings.all.values()
-    guess = None if nominal is None or question.anew else nominal.rest(question.row)
+    guess = None if nominal is None or question.new_goal else nominal.rest(question.row)
     if standing is not None:
         start = JointTarget("start", tuple(standing.tolist()))
     else:

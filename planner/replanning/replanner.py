@@ -285,7 +285,7 @@ class Replanner:
 
     def _refuse_closed(self) -> None:
         if self._closed:
-            raise InputError("the replanner is closed: its last command stays safe, and a new replanner goes on")
+            raise InputError("the replanner is closed: its last command stays safe; continue with a new replanner")
 
     def _ask(self, row: int, moves: bool) -> None:
         """Request a check of the way, for a course that continues from a row of the clock."""

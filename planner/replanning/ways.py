@@ -117,8 +117,8 @@ class Ways:
         if course is not None:
             s = float(course.at(row)[0]) + self._lead if standing is None else float(course.law[-1, 0])
             at = course.nominal.row_after(s)
-        nominal, anew = (None, True) if course is None else (course.nominal, not self.reaches)
-        question = Question(scene, self.robot, seen, now, horizon, nominal, anew, at, standing, stuck=not moves)
+        nominal, new_goal = (None, True) if course is None else (course.nominal, not self.reaches)
+        question = Question(scene, self.robot, seen, now, horizon, nominal, new_goal, at, standing, stuck=not moves)
         if self._executor is None:
             self._executor = ThreadPoolExecutor(1, thread_name_prefix="hdplan-outlook")
         self._question, self._pending_since, self._pending_view = question, now, seen

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 Balls = tuple[Array, Array]  # centres (m, 3), radii (m,)
 
-ROUNDING = 1e-6  # [m] by which balls must overlap beyond what is needed
+OVERLAP_ROUNDING = 1e-6  # [m] by which balls must overlap beyond what is needed
 POINTS = 512  # of a grid in a geometry's bounding box, tried as centres
 MOST_BALLS = 40  # of one geometry
 MOST_CORNERS = 200  # vertices of one mesh that count as balls of radius 0
@@ -44,7 +44,7 @@ MOST_CELLS = 150  # examined for one pair; if they do not do, the pair is not pr
 
 
 def always_touching(robot: Robot, pairs: Iterable[LinkPair], room: float) -> tuple[LinkPair, ...]:
-    """Return those of the pairs of links that are proven to touch at all configurations, up to `room` [rad or m] beyond
+    """Return the pairs of links that are proven to touch at all configurations, up to `room` [rad or m] beyond
     the limits of the joints. Of a pair that is not among them nothing is known."""
     known: dict[tuple[str, bool], Balls] = {}
 
@@ -93,7 +93,7 @@ def _always(robot: Robot, pair: LinkPair, balls: tuple[Balls, Balls], room: floa
                 reach = np.linalg.norm(off, axis=1) + moved
             shares[i] = half[i] * reach
             moved = moved + shares[i]
-        overlap = radii_a[:, None] + radii_b - _apart(at_a, at_b) - ROUNDING
+        overlap = radii_a[:, None] + radii_b - _apart(at_a, at_b) - OVERLAP_ROUNDING
         if overlap.max() <= 0.0:
             return False  # not even at this configuration
         left = overlap - moved
@@ -138,7 +138,7 @@ def _placed(pose: pin.SE3, points: Array) -> Array:
 
 
 def _apart(one: Array, other: Array) -> Array:
-    """Return all distances (m, k), within 1e-7 of the size of the two sets, which is less than ROUNDING."""
+    """Return all distances (m, k), within 1e-7 of the size of the two sets, which is less than OVERLAP_ROUNDING."""
     middle = one.mean(axis=0)
     one, other = one - middle, other - middle
     square = (one * one).sum(axis=1)[:, None] + (other * other).sum(axis=1) - 2 * one @ other.T
@@ -177,10 +177,10 @@ def _balls(geometry: Any, deep: bool) -> Balls:
         depths = _depths(geometry, points)
     centres, radii = corners, np.zeros(len(corners))
     for i in np.argsort(-depths).tolist():
-        if depths[i] <= ROUNDING or len(radii) >= MOST_BALLS + len(corners):
+        if depths[i] <= OVERLAP_ROUNDING or len(radii) >= MOST_BALLS + len(corners):
             break
         if (np.linalg.norm(centres - points[i], axis=1) >= CENTRE_SPACING * radii).all():
-            centres, radii = np.vstack([centres, points[i]]), np.append(radii, depths[i] - ROUNDING)
+            centres, radii = np.vstack([centres, points[i]]), np.append(radii, depths[i] - OVERLAP_ROUNDING)
     return centres, radii
 
 

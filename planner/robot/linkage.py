@@ -33,13 +33,13 @@ class Rule(NamedTuple):
     offset: float
 
     def image(self, low: float, high: float) -> tuple[float, float]:
-        """Return where the leader may be [rad or m], so that the follower is within [low, high]."""
+        """Return the leader's range [rad or m] in which the follower is within [low, high]."""
         one, other = ((end - self.offset) / self.factor for end in (low, high))
         return min(one, other), max(one, other)
 
 
 def rules_of(tree: Tree, joints: Sequence[str]) -> dict[str, Rule]:
-    """Return how each of the robot's moving `joints` follows another one of them, if it does: chains composed."""
+    """Return the rule by which each of the robot's moving `joints` follows another one, if any: chains composed."""
     found = {}
     for joint in joints:
         leader, factor, offset = joint, 1.0, 0.0
@@ -125,7 +125,7 @@ class Linkage(ReadOnly):
         return found
 
     def rule(self, joint: str) -> str:
-        """Return, in words, how a follower moves."""
+        """Return a follower's rule in words."""
         at = self.names.index(joint)
         leader = self.names[self.own[self.leader[at]]]
         add = float(self.offset[at])

@@ -183,7 +183,7 @@ def _words(pairs: Iterable[LinkPair]) -> str:
 
 
 def _moved(links: tuple[str, ...], model: pin.Model) -> tuple[str, ...]:
-    """Return those of the links that a joint of the model moves."""
+    """Return the links that a joint of the model moves."""
     carried = {str(frame.name) for frame in model.frames if frame.type == pin.FrameType.BODY and frame.parentJoint}
     return tuple(link for link in links if link in carried)
 

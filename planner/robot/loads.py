@@ -39,7 +39,7 @@ def loaded_model(scene: Scene, robot: Robot) -> pin.Model:
 def with_loads(
     robot: Robot, payload: Payload | None, attached: tuple[Attached, ...], needed: str = "limits.torque"
 ) -> pin.Model:
-    """Return the same for a payload and held objects whose files were read; errors do not name the scene's file, but
+    """Return the model with a payload and held objects whose files were read; errors do not name the scene's file, but
     the reason `needed` why masses are required."""
     if robot.linkage is not None:
         raise InputError(f"{needed}: {robot.linkage.no_torques}")

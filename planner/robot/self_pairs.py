@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 CONTACT_SAMPLES = 1000  # configurations at which a pair must touch before it is examined
 LIMIT_EXCESS = 0.1  # [rad or m] beyond a limit, where a request or a named state may lie: descriptions differ
-ROUNDING = 1e-6  # [m] by which balls must be apart beyond their radii
+GAP_ROUNDING = 1e-6  # [m] by which balls must be apart beyond their radii
 # Reasons for which pairs of links are not checked, beside those that files give.
 NEIGHBOURS, MOVE_AS_ONE = "neighbours", "moving as one"
 ALWAYS_TOUCHING, NEVER_TOUCHING = "always touching, which is proven", "never touching, which is proven"
@@ -115,7 +115,7 @@ def never_in_contact(model: pin.Model, geometry: pin.GeometryModel, held: Mappin
     for a, b in itertools.combinations(grown, 2):
         above = max(set(grown[a]) & set(grown[b]))  # joints are numbered upwards from the world
         (p, r), (q, s) = grown[a][above], grown[b][above]
-        if np.linalg.norm(p - q) > r + s + ROUNDING:
+        if np.linalg.norm(p - q) > r + s + GAP_ROUNDING:
             found.append(link_pair(a, b))
     return tuple(found)
 

@@ -89,7 +89,7 @@ class Setup:
         return cls(seen.scene, robot, units=units, ignored=seen.notes, filtered_points=seen.points, requested=requested)
 
     def seeing(self, requested: Scene) -> Setup:
-        """Return the same robot, which was checked, in an updated scene: with other obstacles, or another start.
+        """Return this robot, which was checked, in an updated scene: with other obstacles, or another start.
         Raises InputError for files that cannot be used."""
         return Setup._read(requested, self.robot)
 

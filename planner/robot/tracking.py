@@ -15,8 +15,8 @@ from hdplan.scenes.sizes import Tracking
 
 
 def tracking(scene: Scene, robot: Robot, name: str = "position") -> Array:
-    """Return how far the planned joints (n,), or their velocities, may be off [rad or m, per second]; held joints are
-    at their values.
+    """Return the tracking errors of the planned joints (n,), or of their velocities [rad or m, per second]; held joints
+    are at their values.
 
     Raises InputError, naming the file that specifies the robot, for a wrong number of values and unknown names.
     """
@@ -34,7 +34,6 @@ def tracking(scene: Scene, robot: Robot, name: str = "position") -> Array:
 
 
 def tracking_of_all(scene: Scene, robot: Robot, name: str = "position") -> Array:
-    """Return the same of all joints of the model (m,): what follows is off by as much as what it follows, times its
-    factor."""
+    """Return the tracking errors of all joints of the model (m,): a follower's is its leader's, times its factor."""
     own = tracking(scene, robot, name)
     return own if robot.linkage is None else np.abs(robot.linkage.matrix) @ own

@@ -55,7 +55,8 @@ def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tupl
 
 
 def met_by(certifier: Certifier, motion: Trajectory) -> str:
-    """Return, in words, what a robot meets on a motion, or which path constraint it leaves; nothing if it is free."""
+    """Return the contact of a robot on a motion, in words, or the path constraint that it leaves; nothing if it is
+    free."""
     last = len(motion.positions) - 2, 1.0  # where it stands: the first contact found settles it
     found = certifier.certify(motion, required=0.0, check_ends=False, suspect=last)
     if found.status is Status.IN_CONTACT:

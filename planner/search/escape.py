@@ -17,7 +17,11 @@ from hdplan.planner.problem.samples import Samples
 from hdplan.scenes.array_types import Array
 
 FREE_AROUND = 0.08  # [m] that nothing is nearer than in the end: about the opening of a gripper
-STEPS, LONGEST, LEAST_STEP = 40, 0.15, 1e-3  # steps at most, and how far the joint that moves most goes [rad or m]
+MOST_STEPS, LONGEST_STEP, LEAST_STEP = (
+    40,
+    0.15,
+    1e-3,
+)  # steps at most, and how far the joint that moves most goes [rad or m]
 DAMPING = 1e-2  # share of the mean curvature
 CORNERS = 3  # of a way back, at most
 
@@ -30,7 +34,7 @@ def escapes(problem: Problem) -> tuple[Array, Array]:
 
 
 def ways_back(problem: Problem) -> tuple[Array, Array]:
-    """The same ways step by step (S, n), from the ends on, which are part of them."""
+    """The ways step by step (S, n), from the ends on, which are part of them."""
     if problem.terms.path:
         return problem.start[None], problem.goal[None]
     terms = _with_room(problem)
@@ -61,7 +65,7 @@ def _with_room(problem: Problem) -> tuple[Clearance, ...]:
 
 def _back(problem: Problem, terms: tuple[Clearance, ...], end: Array) -> Array:
     way, once, fold = [end], Samples((1,)), problem.robot.fold
-    for _ in range(STEPS):
+    for _ in range(MOST_STEPS):
         kinematics = problem.placed(way[-1])
         found = [term.at_samples(kinematics, once) for term in terms]
         gradient = fold(np.sum([penalty.gradient[0] for penalty in found], axis=0))
@@ -70,7 +74,7 @@ def _back(problem: Problem, terms: tuple[Clearance, ...], end: Array) -> Array:
         curvature = fold(fold(np.sum([penalty.curvature[0] for penalty in found], axis=0)).T)
         damped = curvature + DAMPING * np.trace(curvature) / len(end) * np.eye(len(end))
         step = -np.linalg.solve(damped, gradient)
-        step *= min(1.0, LONGEST / np.abs(step).max())
+        step *= min(1.0, LONGEST_STEP / np.abs(step).max())
         after = np.clip(way[-1] + step, *problem.robot.inner)
         if np.abs(after - way[-1]).max() < LEAST_STEP:
             break

@@ -57,7 +57,7 @@ def free_space(problem: Problem, required: float) -> Record | None:
 
 
 def with_these_alone(space: Record, joints: Mask) -> Record:
-    """The same space for lines that move these joints (n,) alone, as if what others move were not there."""
+    """This space for lines that move these joints (n,) alone, as if what others move were not there."""
     tree, n, leader, *rest, kept = space.fields
     assert isinstance(leader, np.ndarray)
     assert isinstance(kept, tuple)

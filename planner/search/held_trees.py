@@ -94,7 +94,7 @@ class HeldTrees:
         return way
 
     def finely(self, way: Array) -> Array:
-        """Return the same way (C, n) with further nodes on long lines."""
+        """Return this way (C, n) with further nodes on long lines."""
         counts = np.ceil(2.0 * np.linalg.norm(np.diff(way, axis=0), axis=1) / self.step).astype(np.int64)
         return cut(way, np.maximum(counts, 1))
 

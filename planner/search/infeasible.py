@@ -50,7 +50,8 @@ class InfeasibilityCheck:
                 raise UnsolvableError(f"{first.certifier.scene.source}: no motion exists: {why}", "disconnected", by)
 
     def _look(self, looks: Iterator[tuple[Shut, ...] | None]) -> tuple[Shut, ...] | None:
-        """Return what the next look proves, nothing if the search is over meanwhile, and None after the last one."""
+        """Return the result of the next attempt at a proof, nothing if the search is over meanwhile, and None after the
+        last one."""
         for found in looks:
             if found is not None:
                 return found

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 STARTS = 128  # the scene's start, and random configurations
 SEED_STARTS, SEED_SPREAD = 24, 1.0  # starts around a seed, and their standard deviation [rad or m]
-STEPS, MANY = 80, 32  # at most; after so many, starts are given up if enough of the others have arrived
+MOST_STEPS, DECIDING_STEPS = 80, 32  # at most; after so many, starts are given up if enough of the others have arrived
 ENOUGH_STARTS = 0.25  # share of the starts that are enough
 CENTRING = 6  # more of them, from within the tolerance towards its centre
 AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: the aim, the convergence of a start, acceptance
@@ -195,7 +195,7 @@ def every_branch(robot: Robot, target: PoseTarget | AllOf, start: Array) -> tupl
 
 
 def _reached(aim: Aim, draws: Array, start: Array, path: tuple[PathTerm, ...] = ()) -> tuple[Array, tuple[Miss, ...]]:
-    """The same from `start` and from what was drawn (B, n)."""
+    """Configurations that reach the target from `start` and from random draws (B, n), and the least misses."""
     check_time("looking for configurations that reach the goal")
     robot = aim.robot
     q = _approached(aim, np.clip(np.vstack([start, draws]), robot.lower, robot.upper), path)
@@ -213,11 +213,11 @@ def _reached(aim: Aim, draws: Array, start: Array, path: tuple[PathTerm, ...] = 
 def _approached(aim: Aim, q: Array, path: tuple[PathTerm, ...]) -> Array:
     """Move starts (B, n) towards the aim and the path constraints, until all that can be hoped for have arrived."""
     if aim.loops and not path:
-        return aim.loops.approach(q, STEPS, MANY, (1.0 - ENOUGH_STARTS) * len(q), AIM, ENOUGH)
+        return aim.loops.approach(q, MOST_STEPS, DECIDING_STEPS, (1.0 - ENOUGH_STARTS) * len(q), AIM, ENOUGH)
     going = np.arange(len(q))
     if path:
         from hdplan.planner.problem.path_terms import to_path
-    for step in range(STEPS):
+    for step in range(MOST_STEPS):
         check_time("looking for configurations that reach the goal")
         error, jacobian = aim.linearized(q[going])
         missing, far = aim.beyond(error, AIM), ~aim.within(error, ENOUGH)
@@ -227,7 +227,7 @@ def _approached(aim: Aim, q: Array, path: tuple[PathTerm, ...]) -> Array:
             missing, jacobian = np.concatenate([missing, astray], axis=1), np.concatenate([jacobian, slope], axis=1)
             far |= astray.any(axis=1)
         going, missing, jacobian = going[far], missing[far], jacobian[far]
-        if len(going) <= (1.0 - ENOUGH_STARTS if step >= MANY else 0.0) * len(q):
+        if len(going) <= (1.0 - ENOUGH_STARTS if step >= DECIDING_STEPS else 0.0) * len(q):
             break
         q[going] = damped_step(aim.robot, q[going], missing, jacobian)
     return q
@@ -272,7 +272,7 @@ def _drawn_near(aim: Aim, q: Array, start: Array) -> Array:
 
 
 def _fewest_turns(robot: Robot, q: Array, start: Array) -> Array:
-    """The same placements (B, n), with whole turns of the joints undone towards `start` as far as the limits allow."""
+    """The placements (B, n), with whole turns of the joints undone towards `start` as far as the limits allow."""
     nearer = q - 2 * math.pi * np.round((q - start) / (2 * math.pi))
     return np.where(_circling(robot) & (nearer >= robot.lower) & (nearer <= robot.upper), nearer, q)
 

@@ -28,7 +28,7 @@ from hdplan.scenes.array_types import Array
 if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
-STEP = 1e-3  # [s] between samples of power, at most
+POWER_STEP = 1e-3  # [s] between samples of power, at most
 SLOWEST_IMPROVED = 1.1  # a motion whose fastest law takes longer than another motion by this factor is not improved
 
 
@@ -165,9 +165,9 @@ class Energy(Objective):
         self.data = self.model.createData()
 
     def value(self, path: Array, motion: Trajectory) -> float:
-        """Return ∫ Σ_j |τ_j q̇_j| dt along the executed curve, by the midpoint rule on steps of at most STEP."""
+        """Return ∫ Σ_j |τ_j q̇_j| dt along the executed curve, by the midpoint rule on steps of at most POWER_STEP."""
         curve = curve_of(self.robot, motion)
-        parts = np.maximum(np.ceil(curve.widths / STEP - 1e-9).astype(np.int64), 1)
+        parts = np.maximum(np.ceil(curve.widths / POWER_STEP - 1e-9).astype(np.int64), 1)
         interval = np.repeat(np.arange(len(parts)), parts)
         place = np.arange(len(interval)) - np.repeat(np.cumsum(parts) - parts, parts)
         q, v, a = (curve.over_time(order).at(interval, (place + 0.5) / parts[interval]) for order in range(3))

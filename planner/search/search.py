@@ -238,7 +238,7 @@ class Search:
         slow: float = SLOW_DECREASE,
         solver: Solver | None = None,
     ) -> Solution | None:
-        """As `tried`; None if the result does not keep its distance."""
+        """The result of `tried`; None if it does not keep its distance."""
         solution = self.tried(problem, positions, weight, slow, solver)
         return solution if solution.status is SolverStatus.CLEAR else None
 

@@ -17,7 +17,7 @@ from hdplan.planner.kinematics.inverse import Aim, damped_step, self_motion
 from hdplan.planner.timing.least_time import least_times
 from hdplan.scenes.array_types import Array
 
-STEPS, BACK = 16, 2  # along the self-motion, at most; back to the pose after each
+SLIDING_STEPS, BACK_STEPS = 16, 2  # along the self-motion, at most; back to the pose after each
 LONGEST, SHORTEST = 0.2, 0.01  # [rad] or [m] of a step, at first, and below which none follows
 TOLERANCE_SHARE = 0.75  # of the tolerance that may be used up
 P = 12  # of the norm
@@ -29,7 +29,7 @@ def sooner(aim: Aim, q: Array, start: Array, limits: Mapping[str, Array]) -> Arr
     sooner from `start`, within limits of rates; each from one that reaches the aim, and reaching it, too."""
     robot, q = aim.robot, q.copy()
     time, longest = least_times(q - start, limits).max(axis=1, initial=0.0), np.full(len(q), LONGEST)
-    for _ in range(STEPS):
+    for _ in range(SLIDING_STEPS):
         going = np.flatnonzero(longest >= SHORTEST)
         if not len(going):
             break
@@ -38,7 +38,7 @@ def sooner(aim: Aim, q: Array, start: Array, limits: Mapping[str, Array]) -> Arr
         way = self_motion(-_slope(here - start, limits), jacobian)
         size = np.abs(way).max(axis=1, keepdims=True)
         there = np.clip(here + way * (longest[going, None] / np.maximum(size, 1e-12)), robot.lower, robot.upper)
-        for _ in range(BACK):
+        for _ in range(BACK_STEPS):
             there = damped_step(robot, there, *aim.linearized(there))
         found = least_times(there - start, limits).max(axis=1, initial=0.0)
         better = aim.within(aim.linearized(there)[0], TOLERANCE_SHARE) & (found < time[going])

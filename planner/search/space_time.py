@@ -29,11 +29,15 @@ from hdplan.planner.solvers.solution import CLEAR_SHARE, DETOUR_WEIGHT
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.once import read_only
 
-STEPS = 30  # even, as the time law is steepest in the middle
+TIME_STEPS = 30  # even, as the time law is steepest in the middle
 EDGE_STEPS = read_only(np.array([1, 2, 3, 4, 6, 8, 12, 16]))  # steps that an edge may take
 PIECES, LEAPS = 12, 4  # of the straight line; so many of them at once are edges, too
 PENALTY_WEIGHT = DETOUR_WEIGHT * DOUBLING_DEPTH**2 / 2  # of being DOUBLING_DEPTH inside a margin all along
-LOOK, FEWEST, MOST = 0.1, 3, 48  # [rad or m] between configurations at which an edge is scored; how many
+LOOK_SPACING, FEWEST_LOOKS, MOST_LOOKS = (
+    0.1,
+    3,
+    48,
+)  # [rad or m] between configurations at which an edge is scored; how many
 WORN_STEPS = 3  # steps before and after a move that has been tried in which its edge costs more
 TINY_SQUARE = 1e-12  # [rad² or m²]
 
@@ -63,7 +67,7 @@ class TimedRoadmap(Roadmap):
         super().__init__(problem, rng)
         assert problem.terms.moving_obstacles is not None
         self.moving = problem.terms.moving_obstacles
-        self.parameters = np.linspace(0.0, 1.0, STEPS + 1)
+        self.parameters = np.linspace(0.0, 1.0, TIME_STEPS + 1)
         path_speeds = self.moving.law(self.moving.law.time_at(self.parameters))[1]  # du/dt [1/s]
         self.path_speeds = _over_takes(path_speeds[None], 1)[0]  # (S, T) greatest of each move
         self.edges = np.empty((0, 2), dtype=np.int64)
@@ -71,11 +75,11 @@ class TimedRoadmap(Roadmap):
         if len(first) or len(last):
             first, last = np.vstack([problem.start, first]), np.vstack([last, problem.goal])
             self._string(np.vstack([first[1:], _pieces(first[-1], last[0]), last[:-1]]))
-        self.costs = self._costs(self.edges, FEWEST)
+        self.costs = self._costs(self.edges, FEWEST_LOOKS)
         self.close = np.zeros(len(self.edges), dtype=np.bool_)  # whether an edge has been scored at all times
-        self.waits = np.empty((0, STEPS + 1))  # (C, S + 1) (depth/DOUBLING_DEPTH)² of each node at each step
-        self.penalties = np.empty((0, 2, STEPS, len(EDGE_STEPS)))  # (E, 2, S, T) their means over moves, both ways
-        self.worn = np.empty((0, STEPS))  # (E, S) factors
+        self.waits = np.empty((0, TIME_STEPS + 1))  # (C, S + 1) (depth/DOUBLING_DEPTH)² of each node at each step
+        self.penalties = np.empty((0, 2, TIME_STEPS, len(EDGE_STEPS)))  # (E, 2, S, T) their means over moves, both ways
+        self.worn = np.empty((0, TIME_STEPS))  # (E, S) factors
 
     def _string(self, between: Array) -> None:
         """Add nodes (C, n) that lead from the start to the goal, each connected to the next LEAPS."""
@@ -114,7 +118,7 @@ class TimedRoadmap(Roadmap):
         steps, middles = np.diff(way, axis=0), self.nodes[self.edges].mean(axis=1)
         gaps = middles[:, None] - way[:-1]  # (E, S, n)
         along = np.einsum("esj,sj->es", gaps, steps) / np.maximum(np.einsum("sj,sj->s", steps, steps), TINY_SQUARE)
-        near = np.linalg.norm(gaps - np.clip(along, 0.0, 1.0)[..., None] * steps, axis=2) < LOOK
+        near = np.linalg.norm(gaps - np.clip(along, 0.0, 1.0)[..., None] * steps, axis=2) < LOOK_SPACING
         padded = np.pad(near, ((0, 0), (WORN_STEPS, WORN_STEPS)))
         self.worn[sliding_window_view(padded, 2 * WORN_STEPS + 1, axis=1).any(axis=-1)] *= WORN_FACTOR
 
@@ -125,16 +129,18 @@ class TimedRoadmap(Roadmap):
         edges = self.edges[len(self.worn) :]
         lengths = self._lengths(edges)
         standing = self.costs[len(self.worn) :] / np.where(lengths > 0.0, lengths, np.inf)
-        after = np.minimum(np.arange(STEPS)[:, None] + EDGE_STEPS, STEPS)
+        after = np.minimum(np.arange(TIME_STEPS)[:, None] + EDGE_STEPS, TIME_STEPS)
         ends = self.waits[edges]  # (E, 2, S + 1)
-        means = (ends[:, :, :STEPS, None] + ends[:, ::-1][:, :, after]) / 2
+        means = (ends[:, :, :TIME_STEPS, None] + ends[:, ::-1][:, :, after]) / 2
         self.penalties = np.concatenate([self.penalties, means + np.maximum(standing - 1, 0.0)[:, None, None, None]])
-        self.worn = np.vstack([self.worn, np.ones((len(edges), STEPS))])
+        self.worn = np.vstack([self.worn, np.ones((len(edges), TIME_STEPS))])
 
     def _penalties(self, edges: Rows) -> Array:
         """The mean (depth/DOUBLING_DEPTH)² of moves along edges (E,) -> (E, 2, S, T): there and back, beginning at
         every step."""
-        counts = np.clip(np.ceil(self._lengths(self.edges[edges]) / LOOK), FEWEST, MOST).astype(np.int64)
+        counts = np.clip(np.ceil(self._lengths(self.edges[edges]) / LOOK_SPACING), FEWEST_LOOKS, MOST_LOOKS).astype(
+            np.int64
+        )
         first, last = (np.repeat(self.nodes[ends], counts, axis=0) for ends in self.edges[edges].T)
         fractions = np.concatenate([_fractions(count) for count in counts.tolist()])
         depths = self._depths(first + fractions[:, None] * (last - first))
@@ -160,29 +166,29 @@ class TimedRoadmap(Roadmap):
 
     def _edge_costs(self, edges: Rows) -> Array:
         """Costs (E, 2, S, T) of edges (E,) by what moves; infinite for what would take longer than the motion."""
-        ends, shares = self.edges[edges], EDGE_STEPS / STEPS
+        ends, shares = self.edges[edges], EDGE_STEPS / TIME_STEPS
         travel = np.abs(self.nodes[ends[:, 1]] - self.nodes[ends[:, 0]]) / self.problem.setup.limits["velocity"]
         fast = travel.max(axis=1)[:, None, None] * self.path_speeds / shares  # (E, S, T) share of the greatest velocity
         beyond = (LEVER * np.maximum(fast - PENALIZED_SHARE, 0.0) / DOUBLING_DEPTH) ** 2
         smooth = self._lengths(ends)[:, None] ** 2 / shares / 2
         edge_cost: Array = smooth[:, None, None] + PENALTY_WEIGHT * shares * (self.penalties[edges] + beyond[:, None])
         edge_cost *= _over_takes(self.worn[edges], 0)[:, None]
-        edge_cost[:, :, np.arange(STEPS)[:, None] + EDGE_STEPS > STEPS] = np.inf
+        edge_cost[:, :, np.arange(TIME_STEPS)[:, None] + EDGE_STEPS > TIME_STEPS] = np.inf
         return edge_cost
 
     def _cheapest(self, edge_costs: Array) -> list[Move]:
         """The cheapest way from the start at the first step to the goal at the last one."""
         tail, head = self.edges.T.ravel(), self.edges[:, ::-1].T.ravel()  # there, then back
-        edge_cost = edge_costs.transpose(1, 0, 2, 3).reshape(len(tail), STEPS, len(EDGE_STEPS))
-        stay = PENALTY_WEIGHT / STEPS * (self.waits[:, 1:] + self.waits[:, :-1]) / 2
-        width = STEPS + 1 + EDGE_STEPS[-1]  # moves that would end too late cost infinitely much
+        edge_cost = edge_costs.transpose(1, 0, 2, 3).reshape(len(tail), TIME_STEPS, len(EDGE_STEPS))
+        stay = PENALTY_WEIGHT / TIME_STEPS * (self.waits[:, 1:] + self.waits[:, :-1]) / 2
+        width = TIME_STEPS + 1 + EDGE_STEPS[-1]  # moves that would end too late cost infinitely much
         costs = np.full((len(self.nodes), width), np.inf)
         costs[0, 0] = 0.0
-        for step in range(STEPS):
+        for step in range(TIME_STEPS):
             costs[:, step + 1] = np.minimum(costs[:, step + 1], costs[:, step] + stay[:, step])
             into = (head * width)[:, None] + step + EDGE_STEPS
             np.minimum.at(costs.ravel(), into.ravel(), (costs[tail, step, None] + edge_cost[:, step]).ravel())
-        node, step, way = 1, STEPS, list[Move]()
+        node, step, way = 1, TIME_STEPS, list[Move]()
         while step > 0:
             if costs[node, step - 1] + stay[node, step - 1] == costs[node, step]:
                 way.append(Move(None, node, step - 1, step))
@@ -211,8 +217,8 @@ def _between(count: int) -> tuple[Rows, Rows, Array]:
     """For moves along an edge there and back, from each step, in each number of steps: which of an edge's `count`
     configurations are passed, after which step, and how far on to the next one (2, S, T, m)."""
     along = np.stack([_fractions(count), 1 - _fractions(count)])[:, None, None]
-    at = np.minimum(np.arange(STEPS)[:, None, None] + EDGE_STEPS[:, None] * along, STEPS)
-    before = np.minimum(at.astype(np.int64), STEPS - 1)
+    at = np.minimum(np.arange(TIME_STEPS)[:, None, None] + EDGE_STEPS[:, None] * along, TIME_STEPS)
+    before = np.minimum(at.astype(np.int64), TIME_STEPS - 1)
     return np.arange(count), before, at - before
 
 
@@ -225,4 +231,4 @@ def _over_takes(values: Array, more: int) -> Array:
     """The greatest of each row's values (E, S + more) over a move's steps (E, S, T), as far as the motion goes."""
     longer = np.pad(values, ((0, 0), (0, int(EDGE_STEPS[-1]))), mode="edge")
     windows = (sliding_window_view(longer, take + more, axis=1).max(axis=-1) for take in EDGE_STEPS.tolist())
-    return np.stack([window[:, :STEPS] for window in windows], axis=-1)
+    return np.stack([window[:, :TIME_STEPS] for window in windows], axis=-1)

@@ -51,7 +51,7 @@ class Trees:
         return None
 
     def _towards(self, targets: Array) -> Array | None:
-        """The same for a few (k, n), in one loop of C, which nothing interrupts."""
+        """Lines towards a few configurations (k, n), in one loop of C, which nothing interrupts."""
         counts, joint = np.array([len(rows) for rows in self.parents]), np.empty(2, np.int64)
         room = [np.vstack([nodes, np.empty((MOST_NODES * len(targets), nodes.shape[1]))]) for nodes in self.nodes]
         rows = [np.append(parents, np.empty(MOST_NODES * len(targets), np.int64)) for parents in self.parents]

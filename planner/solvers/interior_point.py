@@ -21,7 +21,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.solution import EQUAL_COST, Budget, Progress, Solution
 from hdplan.scenes.array_types import Array
 
-STEPS = 5  # of a run: more only polish a motion that the next weight bends anyway
+RUN_STEPS = 5  # of a run: more only polish a motion that the next weight bends anyway
 FIRST_BARRIER = 1e-4  # of a run: small, since it begins near the solution and few joints are at their limits
 PATIENCE = 1  # a run that gains little has converged
 QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}  # most runs end at their last step
@@ -31,7 +31,7 @@ def solve(plugin: str, options: Mapping[str, Any], problem: Problem, guess: Arra
     """Improve a guess (N, n) by runs of one of CasADi's solvers, with options of that solver itself."""
     program = problem.casadi("gauss_newton")
     stages = program.stages if plugin == "fatrop" else {}
-    run = ca.nlpsol("run", plugin, program.nlp, {plugin: {"max_iter": STEPS, **options}, **stages, **QUIET})
+    run = ca.nlpsol("run", plugin, program.nlp, {plugin: {"max_iter": RUN_STEPS, **options}, **stages, **QUIET})
     positions = problem.clip(guess)
     progress = Progress(problem, budget, PATIENCE)
     state = problem.evaluate(positions, progress.weight)

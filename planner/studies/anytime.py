@@ -24,7 +24,7 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.scene import Scene
 
-ROUNDS, QUICK_ROUNDS = 16, 4  # of polish
+POLISH_ROUNDS, QUICK_POLISH_ROUNDS = 16, 4  # of polish
 LIMITS = Limits(velocity="urdf", acceleration=15.0, jerk=500.0)  # those with which cuRobo's results are published
 TIME_LIMIT = 30.0  # [s] for a plan
 ACCELERATION_SAMPLES = 8  # points between two rows at which the acceleration is taken
@@ -68,7 +68,7 @@ def anytime_curves(
         report(k, len(scenes), f"quality over time {scene.name}")
         if stop():
             break
-        timed = _in_time(scene, QUICK_ROUNDS if quick else ROUNDS)
+        timed = _in_time(scene, QUICK_POLISH_ROUNDS if quick else POLISH_ROUNDS)
         if timed.objective != "time":
             refused.append(f"{scene.name}: its duration is given")
             continue

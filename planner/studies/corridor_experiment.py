@@ -131,7 +131,7 @@ class Outcome:
         return fast_energy(self._commands(seconds, joint), self.run.period)
 
     def jump_rate(self, seconds: float) -> float:
-        """Return how often the point jumped [1/s], up to `seconds`."""
+        """Return the rate at which the point jumped [1/s], up to `seconds`."""
         return float(self.jumps[: round(seconds / self.run.period)].mean()) / self.run.period
 
     def _commands(self, seconds: float, joint: int | None) -> Array:

@@ -28,7 +28,7 @@ from hdplan.planner.symbolic.kinematics import joint_values, link_places
 from hdplan.planner.symbolic.pairs import ScenePairs
 from hdplan.scenes.array_types import Array
 
-COUNT = 100  # configurations of the test program
+TEST_CONFIGURATIONS = 100  # configurations of the test program
 TAKEN = (
     "all",
     "clean",
@@ -48,7 +48,7 @@ def c_files(found: ScenePairs) -> dict[str, str]:
     found: made by `all_movable`.
     """
     prefix = c_name(found.setup.scene.name)
-    words = _words(found, prefix) | _of_numbers(hdplans_numbers(found, COUNT))
+    words = _words(found, prefix) | _of_numbers(hdplans_numbers(found, TEST_CONFIGURATIONS))
     texts = {
         f"{prefix}.h": c_text.HEADER,
         f"{prefix}.c": c_text.SOURCE,
@@ -156,7 +156,7 @@ def _pairs(group: BodyPairs, row: int, earlier: float, prefix: str) -> Iterable[
 
 def _of_numbers(numbers: Numbers) -> dict[str, str]:
     return {
-        "count": str(COUNT),
+        "count": str(TEST_CONFIGURATIONS),
         "q": _row(map(_braced, numbers.q)),
         "poses": _row(map(_braced, numbers.obstacles)),
         "expected_poses": _row(map(_braced, numbers.poses)),

@@ -233,7 +233,8 @@ def _either(quantities: Iterable[str]) -> str:
 
 
 def _driven(problem: Problem, quantity: str, limits: JointValues | None) -> str:
-    """Return, in words, what keeps a limit: the timing, and a term on the path where gravity may overload a joint."""
+    """Return the parts, in words, that keep a limit: the timing, and a term on the path where gravity may overload a
+    joint."""
     if limits is None:
         return ""
     if quantity != "torque":

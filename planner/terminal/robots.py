@@ -141,7 +141,7 @@ def describe(name: str | RobotSpec) -> dict[str, Rows]:
 
 
 def inverse_kinematics_notes(robot: Robot) -> list[str]:
-    """Return, in words, how configurations of the end effector, if there is one, are found."""
+    """Return the method, in words, of the end effector's inverse kinematics, if there is one."""
     try:
         target = PoseTarget(end_effector(robot, "link"), Pose())
     except InputError:

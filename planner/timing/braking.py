@@ -21,7 +21,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import ReadOnly
 
 MOST_TRIED = 200  # numbers of rows of the first phase, and of the last
-UNUSED_SHARE, ROUNDING = 1e-6, 1e-9  # [–] of a limit that is left unused; by which a velocity may exceed one
+UNUSED_SHARE, VELOCITY_ROUNDING = 1e-6, 1e-9  # [–] of a limit that is left unused; by which a velocity may exceed one
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,21 +38,23 @@ class Braking(ReadOnly):
 
     @property
     def backwards(self) -> Braking:
-        """The same, run backwards."""
+        """This motion, run backwards."""
         return Braking(self.away[::-1], -self.velocity[::-1], self.acceleration[::-1])
 
 
 def brake(
     velocity: Array, acceleration: Array, limits: Mapping[str, Array], h: float, swing: float = 1.0
 ) -> Braking | int:
-    """Return how joints (n,) brake with rows h [s] apart, within limits (n,) by name, in the first phase within `swing`
-    times that of jerk; or a joint that cannot."""
+    """Return the braking motion of joints (n,) with rows h [s] apart, within limits (n,) by name, in the first phase
+    within `swing` times that of jerk; or a joint that cannot."""
     most = [limits.get(name, np.full(len(velocity), np.inf)) for name in ("velocity", "acceleration", "jerk")]
     jerks = []
     for joint, (v, a) in enumerate(zip(velocity.tolist(), acceleration.tolist(), strict=True)):
         fastest, strongest, jerkiest = (float(each[joint]) for each in most)
         jerkiest *= 1 - UNUSED_SHARE
-        found = _jerks(v, a, (1 + ROUNDING) * fastest, (1 - UNUSED_SHARE) * strongest, (swing * jerkiest, jerkiest), h)
+        found = _jerks(
+            v, a, (1 + VELOCITY_ROUNDING) * fastest, (1 - UNUSED_SHARE) * strongest, (swing * jerkiest, jerkiest), h
+        )
         if found is None:
             return joint
         jerks.append(found)

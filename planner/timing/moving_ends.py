@@ -66,12 +66,12 @@ class MovingEnds:
             )
 
     def standing(self, query: Query) -> Query:
-        """Return where the robot stands before it goes to a goal, and after."""
+        """Return the configurations at which the robot stands before and after it goes to a goal."""
         return Query(query.start - self.head.away[0], query.goal - self.tail.away[-1])
 
     def overlaps(self, least: int) -> list[tuple[int, int, int]]:
-        """Return how the path's motion may be joined to the ends (`overlaps_of`), with at least so many rows where the
-        scene's duration does not say how many there are."""
+        """Return the ways in which the path's motion may be joined to the ends (`overlaps_of`), with at least so many
+        rows where the scene's duration does not say how many there are."""
         head, tail = len(self.head), len(self.tail)
         if self.count is None:
             return overlaps_of(head, least, tail)
@@ -101,8 +101,9 @@ class MovingEnds:
         return joint, float(high[joint] if high[joint] > robot.upper[joint] else low[joint])
 
     def _braking(self, rates: EndRates, end: str, other: Array | None) -> Braking:
-        """Return how the robot brakes from the start's rates, or, backwards, from those of the goal. Of those that meet
-        nothing, the one is taken from which the straight line to the `other` end (n,) takes the least time."""
+        """Return the motion that brakes the robot from the start's rates, or, backwards, from those of the goal. Of
+        those that meet nothing, the one is taken from which the straight line to the `other` end (n,) takes the least
+        time."""
         self._check_rates(rates)
         setup, reasons, found = self.setup, list[str](), list[tuple[float, Braking]]()
         scene, way = setup.scene, 1.0 if end == "start" else -1.0
@@ -182,9 +183,9 @@ class MovingEnds:
 
 
 def overlaps_of(head: int, least: int, tail: int) -> list[tuple[int, int, int]]:
-    """Return how a motion of at least so many rows may be joined to braking and speeding up: after how many rows it
-    begins, how many it takes, and how many are left at its end. Those with the least time come first, and last the one
-    that overlaps with nothing."""
+    """Return the ways in which a motion of at least so many rows may be joined to braking and speeding up: after how
+    many rows it begins, how many it takes, and how many are left at its end. Those with the least time come first, and
+    last the one that overlaps with nothing."""
     slower = sorted({math.ceil(least * factor) for factor in DURATION_FACTORS})
     found = [(lead, count, trail) for lead in _parts(head) for count in slower for trail in _parts(tail)]
     apart = head, least, tail

@@ -107,7 +107,7 @@ class Retimer:
         return found
 
     def with_speeds(self, speeds: Array, changes: Array, first: float = 0.0, last: float = 1.0) -> Retimer:
-        """Return the same for the part from `first` to `last` of a path on which stages (k,) are driven at shares of
+        """Return a copy for the part from `first` to `last` of a path on which stages (k,) are driven at shares of
         the speed; at `changes` (k - 1,) of the path the next one begins. Accelerations are less by the squares of the
         shares, as in a motion that is slowed."""
         found = copy.copy(self)

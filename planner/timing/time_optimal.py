@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 GRID = 200  # intervals of the path
 GREATEST_RATE = 1e8  # of ü and u̇² [1/s²]: a law's duration is not below 1e-4 s
-ROUNDING = 1e-8  # [1/s²] by which a set may be empty
+SET_ROUNDING = 1e-8  # [1/s²] by which a set may be empty
 SLACK = 1e-12  # [–] of a row that may be rounding: all that is left of one where a path turns back
 NEXT_HIGH, NEXT_LOW, MOST_ABOVE, MOST_BELOW = range(
     4
@@ -109,7 +109,7 @@ def fastest(limits: Sequence[PathRows]) -> FastestLaw:
     known = np.isfinite(a).all() and np.isfinite(b).all() and not np.isnan(c).any()
     loops = library()
     found = known and (
-        loops.time_optimal(a, b, c, 1.0 / GRID, GREATEST_RATE, ROUNDING, SLACK, *law[1:]) if loops else _law(law)
+        loops.time_optimal(a, b, c, 1.0 / GRID, GREATEST_RATE, SET_ROUNDING, SLACK, *law[1:]) if loops else _law(law)
     )
     path_speeds = np.sqrt(law.squares)
     if not found or not (path_speeds[1:] + path_speeds[:-1] > 0.0).all():
@@ -133,10 +133,10 @@ def _law(law: FastestLaw) -> bool:
 
     for i in reversed(range(last)):
         low, high, held[i] = _eliminated(*lines(i))
-        if not low <= high + ROUNDING:
+        if not low <= high + SET_ROUNDING:
             return False
         lows[i], highs[i] = min(low, high), high
-    if lows[0] > ROUNDING:
+    if lows[0] > SET_ROUNDING:
         return False
     for i in range(last):
         push, by_speed, bound = lines(i)

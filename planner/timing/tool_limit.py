@@ -25,7 +25,7 @@ from hdplan.scenes.once import read_only
 
 SAMPLES = 4  # per interval between two rows
 MARGINS = {1: 5e-3, 2: 2e-2}  # [–] of speed and acceleration that are left unused, as they are sampled, not bounded
-STEP = 1e-4  # of a path's parameter, for differences
+DIFFERENCE_STEP = 1e-4  # of a path's parameter, for differences
 INSCRIBED = float(np.cos(np.pi / 8))  # how far the sides of the octagon are from its centre, in radii
 # along and across, n ≥ 0
 DIRECTIONS = read_only(np.array([[np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)] for k in range(5)]))
@@ -106,9 +106,9 @@ class ToolLimit:
 
     def _by_joints(self, q: Array, slope: Array, curvature: Array) -> tuple[Array, Array]:
         """Return the first and second derivative of p (k, 3) from those of q (k, n)."""
-        ahead, behind = (self._jacobian(q + sign * STEP * slope) for sign in (1.0, -1.0))
+        ahead, behind = (self._jacobian(q + sign * DIFFERENCE_STEP * slope) for sign in (1.0, -1.0))
         jacobian = self._jacobian(q)
-        turned = np.einsum("kcn,kn->kc", (ahead - behind) / (2.0 * STEP), slope)
+        turned = np.einsum("kcn,kn->kc", (ahead - behind) / (2.0 * DIFFERENCE_STEP), slope)
         return np.einsum("kcn,kn->kc", jacobian, slope), np.einsum("kcn,kn->kc", jacobian, curvature) + turned
 
     def _jacobian(self, q: Array) -> Array:

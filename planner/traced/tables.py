@@ -135,7 +135,7 @@ def _tables(problem: Problem, vertices: int, planes: Sequence[int]) -> Tables:
 
 
 def _pairs(terms: Sequence[PairTerm], vertices: int, slots: int) -> PairTable:
-    """Return those pairs of all terms whose second bodies have so many planes."""
+    """Return the pairs of all terms whose second bodies have so many planes."""
     nothing = PairTable(
         frames=np.empty((0, 2), np.int64),
         vertices=np.empty((0, vertices, 3)),

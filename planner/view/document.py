@@ -39,7 +39,7 @@ class Audience(Protocol):
         """Take back the words about the motions."""
 
     def left(self) -> None:
-        """Drop what is being planned: the active motion is another one by now, or back where it was."""
+        """Drop the plan under way: the active motion is another one by now, or an earlier one again."""
 
 
 class Document:
@@ -141,7 +141,7 @@ class Document:
         self._audience.motions_changed()
 
     def rename(self, shown: Shown, name: str) -> None:
-        """Call a motion otherwise, a step that can be undone. Raises HdplanError for a name that is not free."""
+        """Rename a motion, a step that can be undone. Raises HdplanError for a name that is taken."""
         name = self.motions.free_for(shown, name)
         self.step()
         shown.motion = replace(shown.motion, name=name)

@@ -61,7 +61,7 @@ class Editing:
         self._viewer = viewer
         gui = viewer.server.gui
         self.buttons = gui.add_button_group(
-            "history", ("undo", "redo", "reset"), hint="of scene and motions; reset: the scene as it was"
+            "history", ("undo", "redo", "reset"), hint="changes of scene and motions; reset: the original scene"
         )
         self._text = gui.add_html("")
         self.buttons.on_click(lambda event: self.ask(str(event.target.value)))
@@ -160,7 +160,7 @@ class Editing:
         self._viewer.document.forget()
 
     def _later(self, what: str, seconds: float, job: Callable[[], None]) -> None:
-        """Ask for something after a pause, which begins anew."""
+        """Request a job after a pause; another request of its kind restarts the pause."""
         if what in self._timers:
             self._timers[what].cancel()
         timer = self._timers[what] = threading.Timer(seconds, lambda: self._viewer.worker.ask(what, job))
@@ -218,7 +218,7 @@ class Fields:
 
                 def exact(edited: Edited) -> Edited:
                     if turn != self._turn():
-                        raise InputError(f"{field}: another thing is selected by now")
+                        raise InputError(f"{field}: the selection has changed meanwhile")
                     return edit(edited, exactly(found, value()))
 
                 self._editing.edit(field, exact, digits(found))
@@ -239,33 +239,33 @@ class Fields:
 
 
 def rounded(value: Any) -> Any:
-    """Return what a field shows of a value: fewer digits of a number, or of several."""
+    """Return a value as a field shows it: fewer digits of a number, or of several."""
     if isinstance(value, tuple):
         return tuple(map(rounded, value))
     return round(value, DIGITS) if isinstance(value, float) else value
 
 
 def digits(value: Any) -> tuple[str, ...]:
-    """Return what a field holds as it is typed, each of its numbers."""
+    """Return each number of a field as it was typed."""
     if isinstance(value, tuple):
         return tuple(text for each in value for text in digits(each))
     return (value if isinstance(value, str) else f"{value:.{DIGITS}f}".rstrip("0").rstrip("."),)
 
 
 def exactly(found: Any, value: Any) -> Any:
-    """Return what a field holds, with all digits of those numbers of `value` that it still shows."""
+    """Return a field's numbers, with all digits of those of `value` that it still shows."""
     if isinstance(value, tuple):
         return tuple(map(exactly, found, value))
     return value if found == rounded(value) else found
 
 
 def optional(value: float | None) -> str:
-    """Return what a field shows of a number that may be missing."""
+    """Return the text of a field for a number that may be missing."""
     return "" if value is None else f"{value:g}"
 
 
 def spaced(numbers: Sequence[float]) -> str:
-    """Return what a field shows of several numbers."""
+    """Return the text of a field for several numbers."""
     return " ".join(f"{number:.6g}" for number in numbers)
 
 

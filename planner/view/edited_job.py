@@ -48,7 +48,7 @@ class EditedJob:
         return edited
 
     def done(self, trajectory: Trajectory, certificate: JobCertificate, failure: str = "") -> EditedJob:
-        """Return the same scene with a motion of its job, which was certified in it, measured and ready to be drawn."""
+        """Return this scene with a motion of its job, which was certified in it, measured and ready to be drawn."""
         shown = ShownJob(self.scene, trajectory, certificate)
         _ = shown.setup, shown.motion  # now, so that drawing does not wait
         return replace(self, shown=shown, failure=failure)
@@ -78,7 +78,7 @@ class EditedJob:
         return tuple(found)
 
     def place_of(self, thing: Movable) -> Pose:
-        """Return where a thing is grasped (world frame). Raises InputError if it is gone."""
+        """Return the point at which a thing is grasped (world frame). Raises InputError if it is gone."""
         if thing.obstacle is not None:
             return self._obstacle(thing.obstacle).pose
         assert thing.spot is not None

@@ -52,7 +52,7 @@ class Edited:
 
     @property
     def read(self) -> Scene:
-        """The same, its files read, to be drawn."""
+        """This scene with its files read, to be drawn."""
         return self.setup.scene
 
     @property
@@ -66,7 +66,7 @@ class Edited:
         return Certifier(self.setup)
 
     def left(self) -> None:
-        """Drop what is large and made again if somebody comes back: another scene is shown by now."""
+        """Drop large data that can be made again, as another scene is shown by now."""
         vars(self).pop("certifier", None)
 
     @cached_property
@@ -81,7 +81,7 @@ class Edited:
 
     @property
     def aimed(self) -> Scene:
-        """The same scene with the configuration shown as its goal."""
+        """The scene with the configuration shown as its goal."""
         goal = self.scene.goal
         if isinstance(goal, JointTarget):
             return self.scene
@@ -105,7 +105,7 @@ class Edited:
         return replace(self.changed(goal=goal or target), goal=q)
 
     def shown_at(self, q: Array) -> Edited:
-        """Return the same scene with its goal shown in another configuration (n,), and the alternative that this
+        """Return this scene with its goal shown in another configuration (n,), and the alternative that this
         meets."""
         goal = self.scene.goal
         targets: Sequence[Target] = () if isinstance(goal, JointTarget) else goal.targets

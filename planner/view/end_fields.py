@@ -22,7 +22,7 @@ from hdplan.scenes.poses import Pose
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
-STEP, TURN_STEP = 0.01, 1.0  # [m] and [°] of a press on a field's arrow
+ARROW_STEP, TURN_STEP = 0.01, 1.0  # [m] and [°] of a press on a field's arrow
 REACHED_TURN = 0.01  # [rad] by which the tip may be turned otherwise than a number says
 OUT_OF_REACH = "{end}: from this posture the tip stays {off:.0f} mm and {turned:.1f}° away"
 NO_END = "neither start nor goal is selected"
@@ -67,7 +67,9 @@ class EndFields:
 
     def _build(self) -> None:
         gui, none = self._viewer.server.gui, (0.0, 0.0, 0.0)
-        position = gui.add_vector3("at [m]", none, step=STEP, hint="of the tip, or of the goal pose, in the world")
+        position = gui.add_vector3(
+            "at [m]", none, step=ARROW_STEP, hint="the tip, or the goal pose, in the world frame"
+        )
         turn = gui.add_vector3("turned [°]", none, step=TURN_STEP, hint="roll, pitch, yaw, about the world's axes")
         quaternion = gui.add_text("x y z w", "", hint="its quaternion, normalized")
         self._add("at [m]", position, lambda pose: pose.position, lambda pose, new: replace(pose, position=new))

@@ -23,8 +23,8 @@ from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
-TRIED = 2000  # random configurations
-AT_ONCE = 50
+TRIED_CONFIGURATIONS = 2000  # random configurations
+CHECKED_AT_ONCE = 50  # of them
 SAME_CONFIGURATION = 1e-6  # [rad] or [m] between configurations that are one
 
 
@@ -62,12 +62,12 @@ def states(robot: Robot) -> dict[str, Array]:
 
 def random_free(edited: Edited, end: str, rng: np.random.Generator) -> Array:
     """Return a random configuration (n,) in which a motion may start, or end. Raises InputError if none is found."""
-    for _ in range(TRIED // AT_ONCE):
-        for q in edited.robot.draw(rng, AT_ONCE):
+    for _ in range(TRIED_CONFIGURATIONS // CHECKED_AT_ONCE):
+        for q in edited.robot.draw(rng, CHECKED_AT_ONCE):
             if is_free(edited, end, q):
                 return np.asarray(q)
     path = " and keeps the path constraints" if edited.scene.path != PathConstraints() else ""
-    raise InputError(f"{end}: none of {TRIED} random configurations is free{path}")
+    raise InputError(f"{end}: none of {TRIED_CONFIGURATIONS} random configurations is free{path}")
 
 
 def postures(edited: Edited, end: str) -> tuple[Array, ...]:

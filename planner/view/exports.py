@@ -1,7 +1,7 @@
-"""Files of scene and motions on request: all of it as one archive, a page, a film, a picture. A thread of its own makes
+"""Files of scene and motions on request: an archive of all, a page, a film, a picture. A thread of its own makes
 them, as that takes seconds.
 
-A file shows the moment of its request, whatever is edited meanwhile, and certified anew.
+A file shows the scene at the moment of its request, whatever is edited meanwhile, and is certified again.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Exports:
         self._viewer, self._saving = viewer, saving
         gui = viewer.server.gui
         whole = gui.add_button("Save all", hint="scene, motion, proof and page in one archive, certified as one")
-        others = gui.add_button_group("export", ("page", "film", "picture"), hint="of the motions that are shown")
+        others = gui.add_button_group("export", ("page", "film", "picture"), hint="files of the visible motions")
         whole.on_click(lambda event: self._download(ARCHIVE, event.client))
         others.on_click(lambda event: self._download(str(event.target.value), event.client))
         self._ways: dict[str, Callable[[Any], Making]] = {
@@ -103,7 +103,7 @@ class Exports:
         return make
 
     def film(self, client: Any = None) -> Making:
-        """The same as a film."""
+        """The motions as a film."""
         from hdplan.planner.page.film import FILMS, film
 
         certifier, motions = self._motions()

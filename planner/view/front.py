@@ -39,7 +39,7 @@ def check_files(page: Path | None, video: Path | None, trajectories: Sequence[Pa
     if not trajectories:
         raise InputError(f"{page or video}: no trajectory was given, so there is no motion to record")
     if served:
-        raise InputError(f"{served[0]}: is for the viewer, which is not opened to write {page or video}: leave one out")
+        raise InputError(f"{served[0]}: applies to the viewer, which stays closed with {page or video}: leave one out")
 
 
 def check_proof(proof: Path, trajectories: Sequence[Path], robot: str | RobotSpec | None) -> None:

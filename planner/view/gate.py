@@ -143,8 +143,8 @@ class Served:
         return int(self.server.get_port())
 
     def address(self, watch: bool = False) -> str:
-        """Return where browsers find it: where everything can be changed, or where it is only watched, if that is
-        shared. Raises KeyError if it is not."""
+        """Return the viewer's address: the one with write access, or the shared one for watching. Raises KeyError if it
+        is not shared."""
         return self.gate.address(self.port, watch)
 
 

@@ -121,8 +121,8 @@ class Handles:
         self.place()
 
     def update(self) -> None:
-        """Follow a change of the scene: what is gone is neither selected nor dragged any more, and what was moved by
-        another hand leaves this one. What stays in its place stays in the hand, whose next movement is another step."""
+        """Follow a change of the scene: a removed thing is deselected and released, and so is one that another user
+        moved. A thing that stays in its place stays in the hand, whose next movement is another step."""
         if self._moving:
             return
         dragging, self._begin = self.dragging, None
@@ -148,8 +148,8 @@ class Handles:
         self._viewer.panel.select(self.selected)
 
     def place(self) -> None:
-        """Put a handle where the selected thing is. Each is a node of another name: a browser goes on turning one of
-        the same name as it turned the last."""
+        """Put a handle at the selected thing. Each is a node of another name: a browser would continue the last turn on
+        a node of the same name."""
         if self._handle is not None:
             self._handle.remove()
             self._handle = None

@@ -1,6 +1,6 @@
 """Undo and redo: the states before each step, and the undone ones.
 
-A value is remembered as it is when it is left, as what a step began goes on changing: a motion follows what is dragged.
+A value is stored when it is left, since a step that has begun keeps changing it: a motion follows a drag.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ class History(Generic[Value]):
         self._after.clear()
 
     def dropped(self, now: Value) -> Value:
-        """Return what was shown before the last step, which is forgotten; what is shown now if there is none."""
+        """Return the state before the last step, which is forgotten; the present state if there is none."""
         return self._before.pop() if self._before else now
 
     def undone(self, now: Value) -> Value:
-        """Return what was shown before the last step, or what is shown now if there is none."""
+        """Return the state before the last step, or the present state if there is none."""
         if not self._before:
             return now
         self._after.append(now)
         return self._before.pop()
 
     def redone(self, now: Value) -> Value:
-        """Return what was shown before the last undo, or what is shown now if there is none."""
+        """Return the state before the last undo, or the present state if there is none."""
         if not self._after:
             return now
         self._before.append(now)

@@ -58,7 +58,7 @@ class InView:
         return np.concatenate(found)
 
     def selected(self) -> ObstacleNode | Array | None:
-        """Return what is selected: an obstacle, or the robot at its start or goal (n,)."""
+        """Return the selection: an obstacle, or the robot at its start or goal (n,)."""
         viewer, thing = self._viewer, self._viewer.panel.handles.selected
         if thing is None:
             return None
@@ -67,7 +67,7 @@ class InView:
         return viewer.edited.start if thing.kind == "start" else viewer.edited.goal
 
     def handle(self) -> Pose | None:
-        """Return where the handle is; None: there is none."""
+        """Return the pose of the handle; None: there is none."""
         viewer, thing = self._viewer, self._viewer.panel.handles.selected
         return None if thing is None else place_of(viewer.edited, thing, viewer.stage.tip)
 

@@ -1,6 +1,6 @@
 """Selecting and dragging in a job: objects, with all stages that lead to them, and places where they are left.
 
-While something is dragged there is no motion, and no verdict; when it is let go, the job is planned anew.
+While something is dragged there is no motion, and no verdict; on release, the job is planned again.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class JobHandles:
             self._place(thing)
 
     def let_go(self) -> None:
-        """Plan anew after dragging."""
+        """Plan again after a drag."""
         moved, self._dragging = self._dragging, False
         self.update()
         if moved:

@@ -20,11 +20,11 @@ COLLISIONS, NAMES = "collision meshes", "names of objects"
 LAYERS = {  # name: initially on, description
     "robot": (True, "visual meshes, as the URDF names them"),
     "objects": (True, "in their true shapes"),
-    "path": (True, "of the tip, coloured by clearance"),
+    "path": (True, "the tip's path, coloured by clearance"),
     "closest pair": (True, "a segment between the points at which robot and objects, and links, are closest"),
-    COLLISIONS: (False, "of the links, as the certificate sees them"),
+    COLLISIONS: (False, "the links as the certificate sees them"),
     FRAMES: (False, "x red, y green, z blue, and the axis about or along which each joint moves, dark"),
-    NAMES: (False, "where they are"),
+    NAMES: (False, "a label above each object"),
 }
 
 

@@ -23,8 +23,8 @@ class JobPlanning:
     """The thread that plans."""
 
     def __init__(self, say: Callable[[str], object], done: Done) -> None:
-        """Start it. `say` is called with how it goes on, and `done` with a scene, the same with its motion, or None and
-        why there is none; both by this thread."""
+        """Start it. `say` is called with its progress, and `done` with a scene, that scene with its motion, or None and
+        the reason why there is none; both by this thread."""
         self._say, self._done = say, done
         self._newest: Newest[EditedJob] = Newest("hdplan-plan", self._plan)
         self._elsewhere = False  # whether one is planned by `follow`, and shown here

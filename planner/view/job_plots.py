@@ -21,7 +21,7 @@ EVERY = 0.1  # [s] between movements of the bars while the slider moves
 
 
 class JobPlots:
-    """The plots, made anew where other joints move."""
+    """The plots, rebuilt where other joints move."""
 
     def __init__(self, server: viser.ViserServer, page: Page, worker: Worker, player: Player) -> None:
         """Start without any, in the container at hand."""

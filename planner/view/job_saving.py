@@ -28,7 +28,7 @@ class JobSaving:
     def __init__(self, server: viser.ViserServer, worker: Worker, edited: Callable[[], EditedJob]) -> None:
         """Build them in the container at hand; `edited` is the job as it is now."""
         self._worker, self._edited = worker, edited
-        buttons = server.gui.add_button_group("save", ("scene", "motion", "page"), hint="of the job as it is shown")
+        buttons = server.gui.add_button_group("save", ("scene", "motion", "page"), hint="files of the job as shown")
         self._text = server.gui.add_html("")
         self._about: EditedJob | None = None  # the one that the text describes
         buttons.on_click(lambda event: self._download(str(event.target.value), event.client))

@@ -94,7 +94,7 @@ class JobViewer(Served):
         self.looking = Looking(self.server, self.worker, self)
         self._legend = gui.add_html("")
         self.page.build()
-        self.ways = gui.add_button_group("history", ("undo", "redo", "reset"), hint="reset: the scene as it was")
+        self.ways = gui.add_button_group("history", ("undo", "redo", "reset"), hint="reset: the original scene")
         self.ways.on_click(lambda event: self.go_back(str(event.target.value)))
         self.handles = JobHandles(self)
         self.player.build_speed(self.server)
@@ -207,7 +207,7 @@ class JobViewer(Served):
         return self.handles.node
 
     def handle(self) -> Pose | None:
-        """Return where the handle is; None: there is none."""
+        """Return the pose of the handle; None: there is none."""
         thing = self.handles.thing
         return None if thing is None else self.edited.place_of(thing)
 

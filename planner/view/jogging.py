@@ -20,7 +20,7 @@ from hdplan.scenes.targets import JointTarget
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
-STEP = 0.001  # [rad] or [m] of a slider
+SLIDER_STEP = 0.001  # [rad] or [m] of a slider
 WAY = 2 * np.pi  # [rad] or [m] to both sides of a joint without limits
 JOINTS = "joints"  # the field that they are
 RANDOM, OTHER, KEEP = "random", "another", "keep as joint values"
@@ -43,7 +43,7 @@ class Jogging:
         low = np.where(np.isfinite(robot.lower), robot.lower, -WAY)
         high = np.where(np.isfinite(robot.upper), robot.upper, WAY)
         self.sliders = [
-            gui.add_slider(name, float(least), float(most), STEP, float(np.clip(0.0, least, most)))
+            gui.add_slider(name, float(least), float(most), SLIDER_STEP, float(np.clip(0.0, least, most)))
             for name, least, most in zip(robot.joint_names, low, high, strict=True)
         ]
         self._rng = np.random.default_rng()
@@ -84,7 +84,7 @@ class Jogging:
     def jogged(self, end: str, found: Array, edited: Edited) -> Edited:
         """Return the scene with its "start" or "goal" where the sliders were found (n,)."""
         robot, shown = self._viewer.robot, edited.start if end == "start" else edited.goal
-        moved = np.abs(found - shown) > 0.5 * STEP  # the others stay to the last digit
+        moved = np.abs(found - shown) > 0.5 * SLIDER_STEP  # the others stay to the last digit
         return ends.jogged(edited, end, np.where(moved, np.clip(found, robot.lower, robot.upper), shown))
 
     def follow(self, thing: Thing | None) -> None:

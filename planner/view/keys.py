@@ -20,7 +20,7 @@ from hdplan.planner.view.player import Player
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
-STEP = 0.02  # of the whole motion, of ← and →
+KEY_STEP = 0.02  # of the whole motion, of ← and →
 # A picture of one pixel: its arrival runs the script.
 NOTHING = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
 SCRIPT = """
@@ -125,8 +125,8 @@ def keys_to_play(player: Callable[[], Player]) -> tuple[Key, ...]:
     """Return the keys that move the time slider."""
     return (
         Key("space", "space", "Play or pause", lambda _: player().toggle()),
-        Key("←", "arrowleft", "Step back", lambda _: player().step(-STEP)),
-        Key("→", "arrowright", "Step on", lambda _: player().step(STEP)),
+        Key("←", "arrowleft", "Step back", lambda _: player().step(-KEY_STEP)),
+        Key("→", "arrowright", "Step on", lambda _: player().step(KEY_STEP)),
         Key("home", "home", "Go to the start", lambda _: player().step(-1.0)),
         Key("end", "end", "Go to the goal", lambda _: player().step(1.0)),
     )

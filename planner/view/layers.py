@@ -21,25 +21,25 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 
-OPACITY = 0.45
+OPACITY = 0.45  # [–] of the robots that are drawn on request
 PLANE, LEFT_OUT, BOXES = "separating plane", "points left out", "boxes of obstacles"
 TRAIL, FRAMES, NAMES = "trail", "frames of joints", "names of obstacles"
 HEIGHT, CLEARANCE = "height", "clearance"
-COLORED = "of clouds: by height, or by about how close the active motion comes to each point"
+COLORED = "colours of clouds: height, or the approximate distance of the active motion from each point"
 LAYERS = {  # name: initially on, description
     "robot": (True, "visual meshes, as the URDF names them"),
     "obstacles": (True, "in their true shapes"),
-    "start and goal": (True, "as ghosts, in their collision meshes; what touches is dark red"),
-    "path": (True, "of the tip, coloured by clearance"),
+    "start and goal": (True, "ghosts in their collision meshes; links in contact are dark red"),
+    "path": (True, "the tip's path, coloured by clearance"),
     "closest pair": (True, "a segment between the points at which robot and obstacles, and links, are closest"),
-    "outer bodies": (False, "around the links, as the planner sees them (scene: planner.link_bodies)"),
-    "collision meshes": (False, "of the links, as the certificate sees them"),
-    PLANE: (False, "that proves the closest pair apart on this part of the motion, as thick as the distance proven"),
+    "outer bodies": (False, "the links as the planner sees them (scene: planner.link_bodies)"),
+    "collision meshes": (False, "the links as the certificate sees them"),
+    PLANE: (False, "proves the closest pair apart on this part of the motion; its thickness is the proven distance"),
     LEFT_OUT: (False, "points of clouds that are the robot's own image, or that of another obstacle (scene: ignore)"),
-    BOXES: (False, "around the planner's parts of static obstacles: cells of clouds, pieces of meshes"),
-    TRAIL: (False, "the robot at equal steps along the active motion, seen through"),
+    BOXES: (False, "the planner's boxes around parts of static obstacles: cells of clouds, pieces of meshes"),
+    TRAIL: (False, "the robot, transparent, at equal steps along the active motion"),
     FRAMES: (False, "x red, y green, z blue, and the axis about or along which each joint moves, dark"),
-    NAMES: (False, "where they are"),
+    NAMES: (False, "a label above each obstacle"),
 }
 
 

@@ -25,12 +25,12 @@ from hdplan.scenes.scene import Scene
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
-LIMIT = 1.0  # [s] for a plan; scenes in which it takes longer are not planned live by default
+LIVE_LIMIT = 1.0  # [s] for a plan; scenes in which it takes longer are not planned live by default
 PATIENCE = 0.25  # [s] after which a plan gives way to a newer scene
 WINDOW = 2.0  # [s] over which motions are counted
 IDLE = "drag something, and the motion follows"
 WAIT = 5.0  # [s] for the thread at the end
-SLOW_PLANS = 2  # plans in a row that find nothing within LIMIT switch it off
+SLOW_PLANS = 2  # plans in a row that find nothing within LIVE_LIMIT switch it off
 
 
 class Live:
@@ -61,7 +61,7 @@ class Live:
         return str(self._text.content)
 
     def set(self, on: bool) -> None:
-        """Switch it, as somebody does who wants it so whatever it takes."""
+        """Switch live planning by the user's choice, however long a plan takes."""
         self._switched, self.switch.value = True, on
 
     def settle(self, timeout: float) -> bool:
@@ -75,10 +75,10 @@ class Live:
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
     def learn(self, seconds: float) -> None:
-        """Switch it off where a plan took so long [s], or on again, unless somebody has chosen."""
-        if not self._switched and self.on != (seconds < LIMIT):
-            self.switch.value = seconds < LIMIT
-            self._say(IDLE if self.on else f"off, as a plan takes more than {LIMIT:g} s here")
+        """Switch live planning off after a plan that took too long [s], or on again, unless the user has chosen."""
+        if not self._switched and self.on != (seconds < LIVE_LIMIT):
+            self.switch.value = seconds < LIVE_LIMIT
+            self._say(IDLE if self.on else f"off, as a plan takes more than {LIVE_LIMIT:g} s here")
 
     def follow(self) -> None:
         """Ask for a motion in the scene as it is now."""
@@ -89,7 +89,7 @@ class Live:
         self._newest.ask((viewer.edited, None if active is None else active.motion.trajectory))
 
     def forget(self) -> None:
-        """Drop what is being planned from the active motion: it is another one by now, or back where it was."""
+        """Drop the plan under way from the active motion: that is another one by now, or an earlier one again."""
         self._newest.give_up()
 
     def _take(self, edited: Edited, result: PlanResult, turn: int) -> None:
@@ -133,7 +133,7 @@ class Live:
             return newest.given_up(turn) or (newest.waits and time.monotonic() > began + PATIENCE)
 
         try:
-            result = plan(_quick(edited.aimed), robot=edited.robot, guess=guess, time_limit=LIMIT, stop=given_up)
+            result = plan(_quick(edited.aimed), robot=edited.robot, guess=guess, time_limit=LIVE_LIMIT, stop=given_up)
         except HdplanError as error:  # an end in collision, or no time law
             text = str(error).removeprefix(f"{edited.scene.source}: ")
             ask("live", lambda: self._say(text))
@@ -147,7 +147,7 @@ class Live:
             ask("live", lambda: self._take(edited, result, turn))
             return
         spent = time.monotonic() - began
-        self._slow += spent > LIMIT
+        self._slow += spent > LIVE_LIMIT
         if self._slow >= SLOW_PLANS:
             ask("learn", lambda: self.learn(spent))
         elif not given_up():

@@ -55,10 +55,10 @@ class Subject(Protocol):
         """Return points (k, 3) along which the robot moves."""
 
     def selected(self) -> ObstacleNode | Array | None:
-        """Return what is selected: an obstacle, or the robot in a configuration (n,)."""
+        """Return the selection: an obstacle, or the robot in a configuration (n,)."""
 
     def handle(self) -> Pose | None:
-        """Return where the handle is; None: there is none."""
+        """Return the pose of the handle; None: there is none."""
 
     def words(self) -> Sequence[Label]:
         """Return the labels that are not to lie over each other."""
@@ -184,7 +184,7 @@ class Looking:
         name, aspect, set_to = self._set.get(client.client_id, (BEST, camera.aspect, eye))
         begin = np.array(self._server.initial_camera.position)  # a browser that is slow goes back there once more
         if _same(eye, set_to) and abs(camera.aspect - aspect) > RESIZED * aspect:
-            self._ask(client, name)  # the camera stands where it was set: frame it anew
+            self._ask(client, name)  # the camera stands where it was set: frame it again
         elif _same(eye, begin) and not _same(set_to, begin):
             self._ask(client, name)
         self._picture = Picture.of(camera)

@@ -1,4 +1,4 @@
-"""Measures between two points of the scene: a click on a surface sets one, the next the other, another begins anew.
+"""Measures between two points of the scene: a click on a surface sets one, the next the other, a third starts over.
 
 viser says along which ray somebody clicked, and the surfaces that are drawn are met here. Robots and obstacles count as
 they stand at that moment; the measure stays where it was taken when they move.
@@ -34,7 +34,7 @@ class Measuring:
         """Build it in the container at hand."""
         self._viewer = viewer
         gui, scene = viewer.server.gui, viewer.server.scene
-        self.switch = gui.add_checkbox("measure", False, hint="the distance of two points that are clicked on")
+        self.switch = gui.add_checkbox("measure", False, hint="the distance between two clicked points")
         self._text = gui.add_html("")
         self._root = scene.add_frame("/measure", show_axes=False, visible=False)
         self._balls = [
@@ -60,7 +60,7 @@ class Measuring:
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Begin anew, or end."""
+        """Start a measurement, or end it."""
         self.points = []
         self._draw(FIRST if self.on else "")
 
@@ -95,7 +95,7 @@ class Measuring:
             self._text.content = small(words)
 
     def _surfaces(self) -> Iterator[Surface]:
-        """Return what is drawn and seen: the robot and its ghosts, and the obstacles."""
+        """Return the visible surfaces: the robot and its ghosts, and the obstacles."""
         stage, panel = self._viewer.stage, self._viewer.panel
         robots: list[RobotNodes] = [stage.robot, stage.start, stage.goal]
         for robot in robots:

@@ -27,7 +27,7 @@ from hdplan.planner.view.motions import Shown
 from hdplan.planner.view.words import SHORT
 from hdplan.scenes.array_types import Array
 
-FAINT: Color = (140, 140, 140)
+FAINT: Color = (140, 140, 140)  # of a path of which nothing is known
 THIN_PATH = 0.5 * PATH_WIDTH  # [m] of the path of a motion that is not the active one
 THROUGH = 0.4  # opacity of the robots of motions that are not the active one
 # [rad] or [m] within which two robots stand in each other's place, where their surfaces would flicker
@@ -105,7 +105,7 @@ class MotionNodes:
             self._paint(shown, self.of(shown), seen)
 
     def look_of(self, shown: Shown) -> Look:
-        """Return how a motion's path is drawn: the active one by its clearance, the others thin and in their own
+        """Return the look of a motion's path: the active one by its clearance, the others thin and in their own
         colours; one of which nothing is known grey, and one that fails in the colour of its verdict."""
         motion, active = shown.motion, shown is self._document.motions.active
         if not self._document.holds(shown):

@@ -47,7 +47,7 @@ class Kept:
 
     @classmethod
     def of(cls, shown: Shown) -> Kept:
-        """Keep a motion as it is now."""
+        """Return a motion as it is now, to be restored."""
         return cls(shown.motion, shown.number, shown.color, shown.origin, shown.result, shown.visible)
 
 
@@ -76,7 +76,7 @@ class Motions:
         if not 0 < len(name) <= LONGEST_NAME:
             raise HdplanError(f"a motion's name has 1 to {LONGEST_NAME} characters, found {len(name)}")
         if self.named(name) not in (None, shown):
-            raise HdplanError(f"another motion is called '{name}'")
+            raise HdplanError(f"another motion has the name '{name}'")
         return name
 
     def doubt(self) -> None:
@@ -97,7 +97,7 @@ class Motions:
         self.active = shown
 
     def kept(self) -> tuple[tuple[Kept, ...], int | None]:
-        """Return what an undo brings back: the motions, and the number of the active one."""
+        """Return the state that an undo restores: the motions, and the number of the active one."""
         return tuple(map(Kept.of, self.shown)), None if self.active is None else self.active.number
 
     def restore(self, motions: Sequence[Kept], active: int | None) -> None:

@@ -17,9 +17,8 @@ class Newest(Generic[Wish]):
     """The newest wish, and the thread that works on it."""
 
     def __init__(self, name: str, work: Callable[[Wish, int], After | None], patience: float = 30.0) -> None:
-        """Start the thread of this name. `work` is called with a wish and its turn, asks now and then whether this is
-        `given_up`, and returns what is to be called once it no longer runs, if anything is. At the end it is waited for
-        so long [s]."""
+        """Start the thread of this name. `work` is called with a wish and its turn, checks now and then whether this is
+        `given_up`, and returns a function to be called after it has ended, or None. `end` waits for it so long [s]."""
         self._work, self._patience = work, patience
         self._changed = threading.Condition()
         self._wishes: list[Wish] = []  # at most one

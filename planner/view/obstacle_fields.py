@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 PASTED = "pasted.yaml"
-STEP = 0.01  # [m], [m/s] or [rad/s] of a press on a field's arrow
-GROUPS = "a name before a slash is the obstacle's group: a click on its line selects all of it"
+ARROW_STEP = 0.01  # [m], [m/s] or [rad/s] of a press on a field's arrow
+GROUPS = "the part of a name before a slash is its group: a click on the group's line selects all of it"
 NO_CHOICE = "no obstacle is selected: click on one, or choose it in the list"
 
 
@@ -173,9 +173,9 @@ class ObstacleFields:
                 continue
             label = key if key == "scale" else f"{key} [m]"
             handle: Any = (
-                gui.add_vector3(label, vector, step=STEP)
+                gui.add_vector3(label, vector, step=ARROW_STEP)
                 if isinstance(value, tuple)
-                else gui.add_number(label, 0.0, step=STEP)
+                else gui.add_number(label, 0.0, step=ARROW_STEP)
             )
             self._fields.add(
                 key,
@@ -214,7 +214,7 @@ class ObstacleFields:
 
     def _vector(self, label: str, shown: Any, edit: Any) -> None:
         """Add a field of three numbers: `edit` takes the scene, the obstacle's name and the new value."""
-        handle = self._viewer.server.gui.add_vector3(label, (0.0, 0.0, 0.0), step=STEP)
+        handle = self._viewer.server.gui.add_vector3(label, (0.0, 0.0, 0.0), step=ARROW_STEP)
         self._fields.add(label, handle, shown, lambda edited, new: edit(edited, self._selected.name, new))
 
     def _renamed(self, edited: Edited, new: str) -> Edited:

@@ -28,7 +28,7 @@ DRAGGED = 8  # [px] by which the mouse moves at least in a plot to zoom
 LONGEST_TEXT = 250_000  # characters that are pasted: in a message at most six bytes each, less than the gate allows
 SHEET = 700  # [px] of a window's width up to which the panel lies below the scene; viser's own does up to 576
 LOW = 45  # [%] of the window's height that it takes there
-SHARE = 0.4  # of a window's width that the panel takes at most
+PANEL_SHARE = 0.4  # of a window's width that the panel takes at most
 ENDED = "hdplan view has ended, or cannot be reached: this is the last picture"
 # The marker's neighbours in the panel are, in this order: the unseen field, Plan, Play, and the slider.
 STYLE = (
@@ -177,7 +177,7 @@ if (!window.hdplan) {
     event.stopPropagation();
     event.target.click();
   }, true);
-  let held;  // the line that is pressed: browsers give no click to one that is written anew before it is let go
+  let held;  // the line that is pressed: browsers send no click to a line that is rewritten before its release
   document.addEventListener('pointerdown', (event) => { held = event.target.closest?.('[data-do]'); }, true);
   document.addEventListener('pointerup', (event) => {
     const now = event.target.closest?.('[data-do]');
@@ -197,7 +197,7 @@ if (!window.hdplan) {
     }
   });
   const line = (details) => details.querySelector('summary')?.dataset.do;
-  const unfolded = new Set();  // lines whose details are open: they stay so when the lines are written anew
+  const unfolded = new Set();  // lines whose details are open: they stay open when the lines are rewritten
   document.addEventListener('toggle', (event) => {
     const key = event.target.matches('details') && event.target.isConnected && line(event.target);
     if (key) unfolded[event.target.open ? 'add' : 'delete'](key);
@@ -227,7 +227,7 @@ WATCHING = "Watching only: changes by others appear here, and nothing can be cha
 
 
 class Page:
-    """The unseen part of the page, and what listens to it."""
+    """The invisible part of the page, and the handlers of its messages."""
 
     def __init__(self, server: viser.ViserServer, gate: Gate, title: str, ground: Vector3) -> None:
         """Build it in the container at hand, as the first there; `title` is the page's, and the middle of the ground
@@ -277,7 +277,7 @@ class Page:
         draw_ground(client.scene, self._ground, dark=dark)
         window = message.get("width")
         if isinstance(window, int | float) and math.isfinite(window):
-            width = min(max(SHARE * window, NARROWEST), WIDTH)
+            width = min(max(PANEL_SHARE * window, NARROWEST), WIDTH)
             if self._widths.get(client.client_id, WIDTH) != width:  # else a width set by the user stays
                 client.gui.main_panel.set_width(width)
                 self._widths[client.client_id] = width
@@ -289,11 +289,11 @@ def is_number(message: object) -> TypeGuard[float]:
 
 
 def link(text: str, what: str, title: str = "", **message: object) -> str:
-    """Return HTML, of `text` that is HTML, that tells the server `what` when it is clicked."""
+    """Return a link as HTML around the HTML `text`: a click sends `what` to the server."""
     named = f'role="button" tabindex="0" title="{html.escape(title)}"'
     return f'<span class="hd-link" {named} data-do="{telling(what, **message)}">{text}</span>'
 
 
 def telling(what: str, **message: object) -> str:
-    """Return the attribute `data-do` of an element that tells the server `what` when it is clicked."""
+    """Return the attribute `data-do` of an element of which a click sends `what` to the server."""
     return html.escape(json.dumps({"do": what, **message}))

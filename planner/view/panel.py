@@ -174,7 +174,7 @@ class Panel:
     def follow(
         self, now: float, q: Array, pairs: tuple[Closest | None, Closest | None], report: Report | None = None
     ) -> None:
-        """Say what holds at a moment, or in a `report`, of a robot at `q` (n,)."""
+        """Show the clearances at a moment, or of a `report`, of a robot at `q` (n,)."""
         robot = self._viewer.robot
         whose = "" if report is None else f'<div class="hd">{report.words}:</div>'
         self._clearance.content = whose + clearance_words(self.player.timeline.words(now), pairs)
@@ -185,7 +185,7 @@ class Panel:
             self._followed = time.perf_counter()
 
     def say(self) -> None:
-        """Say what holds of the motions, and what to do next."""
+        """Show the verdicts on the motions, and what to do next."""
         viewer, active = self._viewer, self._viewer.motions.active
         self.rows.say()
         self._say_colors()
@@ -201,7 +201,7 @@ class Panel:
         self.say_next(words)
 
     def _say_colors(self) -> None:
-        """Say what the colours of the active motion's path mean now."""
+        """Show the legend of the active motion's colours."""
         motions = self._viewer.motions
         content = ""
         if motions.active is not None:
@@ -211,7 +211,7 @@ class Panel:
             self._legend.content = content
 
     def _say_badge(self) -> None:
-        """Say the verdict in the scene."""
+        """Show the verdict in the scene."""
         viewer, active = self._viewer, self._viewer.motions.active
         holds = active is not None and viewer.document.holds(active)
         content = badge(viewer.edited, None if active is None else active.motion, holds)
@@ -219,7 +219,7 @@ class Panel:
             self._badge.content = content
 
     def say_next(self, words: str, bad: bool = False) -> None:
-        """Say what is to be done or known now, in the two lines that are reserved for it."""
+        """Show what to do or know now, in the two lines that are reserved for it."""
         text = html.escape(words)
         tint = " hd-bad" if bad else ""
         content = f'<div class="hd hd-two{tint}" title="{text}">{text}</div>'
@@ -247,6 +247,6 @@ class Panel:
             self.player.go_to(begin + min(max(share, 0.0), 1.0) * (end - begin))
 
     def _zoom(self, first: object, last: object) -> None:
-        """Let the plots show a part of what they show, from one share of it to another."""
+        """Zoom the plots to a part of their range, from one share of it to another."""
         if is_number(first) and is_number(last):
             self._viewer.worker.ask("zoom", lambda: self._plots.zoom(first, last))

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 EDGE = 0.3  # [m] of the square that is drawn
-LIMIT = 30.0  # [s] to write a proof
+WRITING_LIMIT = 30.0  # [s] to write a proof
 WAIT = 5.0  # [s] for the thread at the end
 
 
@@ -152,7 +152,7 @@ def _proof(trajectory: Trajectory, scene: str) -> ReadProof | str:
     from hdplan.planner.proof.proof import prove  # not before it is needed: the first picture comes sooner
     from hdplan.planner.proof.reading import ReadProof
 
-    with tempfile.TemporaryDirectory() as folder, time_limit(LIMIT):
+    with tempfile.TemporaryDirectory() as folder, time_limit(WRITING_LIMIT):
         files = Path(folder) / "scene.yaml", Path(folder) / "motion.json"
         try:
             files[0].write_text(scene, encoding="utf-8")

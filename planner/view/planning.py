@@ -145,7 +145,7 @@ class Planning:
         self._viewer.panel.say_next("planning, building the problem …")
 
     def _shown(self, scene: Scene, run: Run) -> PlanResult:
-        """Plan, and have shown what comes of it."""
+        """Plan, and have the result shown."""
         worker = self._viewer.worker
         try:
             result = run(self._report, self._stop.is_set)
@@ -229,7 +229,7 @@ class Planning:
             viewer.panel.say_next(text, bad=True)
 
     def _name(self, result: PlanResult) -> str:
-        """Return what a new plan is called: it replaces one that fell short, or found the same motion."""
+        """Return the name of a new plan: it replaces one that fell short, or found the same motion."""
         motions, found = self._viewer.motions, result.trajectory.positions
         for shown in motions.shown:
             earlier = shown.result

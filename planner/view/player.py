@@ -17,7 +17,7 @@ from hdplan.planner.view.drawing.timeline import PATH_DURATION, Timeline
 from hdplan.planner.view.worker import Worker
 
 FRAME = 1.0 / 30.0  # [s] between frames while playing
-STEP = 0.001  # of the slider
+SLIDER_STEP = 0.001  # of the slider
 TIME_HINT, PATH_HINT = "time, for motions and moving obstacles", "path parameter of the motion, 0 to 1"
 SPEEDS = ("0.25", "0.5", "1", "2", "4")
 
@@ -31,7 +31,7 @@ class Player:
         self._playing, self._ended = threading.Event(), False
         self.timeline = Timeline()
         self.button = server.gui.add_button("Play")
-        self.slider = server.gui.add_slider("path", 0.0, 1.0, STEP, 0.0, hint=PATH_HINT)
+        self.slider = server.gui.add_slider("path", 0.0, 1.0, SLIDER_STEP, 0.0, hint=PATH_HINT)
         self.slider.on_update(lambda _: self.draw())
         self.button.on_click(lambda _: self.toggle())
         self._thread = threading.Thread(target=self._run, name="hdplan-play", daemon=True)
@@ -62,7 +62,7 @@ class Player:
             return
         self.timeline, slider = timeline, self.slider
         slider.label, slider.hint = ("time [s]", TIME_HINT) if timeline.timed else ("path", PATH_HINT)
-        end = round(math.ceil(round(timeline.end / STEP, 3)) * STEP, 3)  # in the digits that fit
+        end = round(math.ceil(round(timeline.end / SLIDER_STEP, 3)) * SLIDER_STEP, 3)  # in the digits that fit
         slider.min, slider.max = min(slider.min, timeline.begin), max(slider.max, end)  # both values fit
         slider.value = timeline.begin
         slider.min, slider.max = timeline.begin, end

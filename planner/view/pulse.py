@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
-STEP, PERIOD = 0.15, 1.2  # [s] between its messages, and of the whole pulse
+MESSAGE_STEP, PERIOD = 0.15, 1.2  # [s] between its messages, and of the whole pulse
 
 
 class Pulse:
@@ -30,7 +30,7 @@ class Pulse:
 
     def _run(self) -> None:
         viewer = self._viewer
-        while not self._ended.wait(STEP):
+        while not self._ended.wait(MESSAGE_STEP):
             if viewer.server.get_clients():
                 viewer.worker.ask("pulse", self._beat)
 

@@ -85,7 +85,7 @@ class Rows:
     # --- what browsers ask for ------------------------------------------------------------------------------------
 
     def _handler(self, do: Callable[[Shown, Message], None]) -> Callable[[viser.ClientHandle, Message], object]:
-        """Let the worker do something with the motion that is named, if there is one."""
+        """Return a handler that lets the worker run `do` on the named motion, if there is one."""
 
         def job(message: Message) -> None:
             number: Any = message.get("motion")

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hdplan.planner.view.job_viewer import JobViewer
 
 HOST, PORT = "127.0.0.1", 8080
-TRIED = 100  # ports after the wanted one
+TRIED_PORTS = 100  # ports after the wanted one
 Shown = TypeVar("Shown")
 
 
@@ -98,7 +98,7 @@ def _served(
 def free_port(host: str, wanted: int) -> int:
     """Return the first free port, beginning at `wanted`. Raises InputError if there is none, or `host` cannot be
     served."""
-    for port in range(wanted, min(wanted + TRIED, 65536)):
+    for port in range(wanted, min(wanted + TRIED_PORTS, 65536)):
         try:
             kind, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
             with socket.socket(kind, socket.SOCK_STREAM) as trial:
@@ -112,4 +112,4 @@ def free_port(host: str, wanted: int) -> int:
         except OSError as error:
             if error.errno == errno.EADDRNOTAVAIL:
                 raise InputError(f"--host: '{host}' is not an address of this machine") from None
-    raise InputError(f"--port: none of the {TRIED} ports from {wanted} is free")
+    raise InputError(f"--port: none of the {TRIED_PORTS} ports from {wanted} is free")

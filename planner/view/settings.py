@@ -27,10 +27,10 @@ class Settings:
         gui = viewer.server.gui
         self.solver = gui.add_dropdown("solver", list(SOLVERS), initial_value=DEFAULT)
         self._fields = Fields(editing)
-        self._add("distance", gui.add_dropdown("distance", DISTANCES, hint="of the obstacle penalty; fcl is exact"))
+        self._add("distance", gui.add_dropdown("distance", DISTANCES, hint="in the obstacle penalty; fcl is exact"))
         self._add("clearance", gui.add_number("clearance [m]", 0.0, step=0.005, hint="to be proven around the robot"))
         self._add("waypoints", gui.add_number("waypoints", 0, step=1))
-        objective = gui.add_dropdown("objective", (USUAL, *OBJECTIVES), hint="of certified motions, the best")
+        objective = gui.add_dropdown("objective", (USUAL, *OBJECTIVES), hint="by which certified motions are compared")
         self._fields.add(
             "objective",
             objective,
@@ -44,15 +44,15 @@ class Settings:
             lambda: optional(viewer.scene.planner.polish),
             lambda edited, text: scene_edits.planned_by(edited, polish=number_in(text, int)),
         )
-        duration = gui.add_text("duration [s]", "", hint="of the motion; empty: as long as it takes")
+        duration = gui.add_text("duration [s]", "", hint="duration of the motion; empty: chosen by the planner")
         self._fields.add(
             "duration",
             duration,
             lambda: optional(viewer.scene.end_time or None),
             lambda edited, text: scene_edits.lasting(edited, number_in(text)),
         )
-        self.seed = gui.add_number("seed", 0, step=1, hint="of the random guesses")
-        self.time_limit = gui.add_number("time limit [s]", TIME_LIMIT, step=1.0, hint="for planning")
+        self.seed = gui.add_number("seed", 0, step=1, hint="seed of the random guesses")
+        self.time_limit = gui.add_number("time limit [s]", TIME_LIMIT, step=1.0, hint="limit on the time to plan")
 
     def update(self) -> None:
         """Show the settings of the scene as it is now. By the worker's thread."""

@@ -89,7 +89,7 @@ class Stage:
         self.closest.show(pairs)
 
     def name(self, report: Report | None) -> None:
-        """Name the robot that reports itself, where it is; None: it does not."""
+        """Label the robot that reports its state, at its place; None: no robot does."""
         label = self.report_label
         if report is not None:
             label.place = self.tip.placement(report.q).translation + 0.12 * UP

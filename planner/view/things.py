@@ -35,7 +35,7 @@ class Thing(NamedTuple):
     name: str = ""  # of an obstacle; of the link, of a goal that has poses of several
 
     def __str__(self) -> str:
-        """Name it."""
+        """The thing's name in messages."""
         if self.kind == "obstacle":
             return f"obstacle {self.name}"
         return f"the {self.kind}" + (f" of {self.name}" if self.name else "")
@@ -60,7 +60,7 @@ def obstacle_of(edited: Edited, thing: Thing) -> Obstacle:
 
 
 def place_of(edited: Edited, thing: Thing, tip: Tip) -> Pose:
-    """Return where a thing is grasped (world frame): an obstacle that moves, where it is at 0 s."""
+    """Return the point at which a thing is grasped (world frame): an obstacle that moves, where it is at 0 s."""
     if thing.kind == "obstacle":
         return obstacle_of(edited, thing).pose
     if thing.kind == "goal" and (pose := _pose(edited, thing)) is not None:
@@ -133,7 +133,7 @@ def _pose(edited: Edited, thing: Thing) -> PoseTarget | None:
 
 
 def _carried(pose: Pose, way: pin.SE3) -> Pose:
-    """Return where a pose is after a rigid motion of the world."""
+    """Return a pose after a rigid motion of the world."""
     place = way * pin.SE3(pose.matrix)
     x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
     return Pose(tuple(place.translation.tolist()), (x, y, z, w))

@@ -75,7 +75,7 @@ class Tree:
             raise
 
     def follow(self, before: Scene) -> None:
-        """Hide what was hidden in an earlier scene under another name, in whichever way it got a new one."""
+        """Keep renamed obstacles hidden, whatever renamed them."""
         if len(before.obstacles) != len(self._viewer.scene.obstacles):
             return
         pairs = zip(before.obstacles, self._viewer.scene.obstacles, strict=True)
@@ -106,10 +106,10 @@ class Tree:
         hidden, locked = self.hidden.issuperset(every), self._viewer.document.locked.issuperset(every)
         named, folded = {"name": group}, group in self._folded
         links = (
-            link("▸" if folded else "▾", "fold group", "show its lines, or not", **named)
+            link("▸" if folded else "▾", "fold group", "show or hide its obstacles in the list", **named)
             + link("✎", "rename group", "rename", ask="name of this group", answer=group, **named)
-            + link("show" if hidden else "hide", "eye group", "of the picture alone", **named)
-            + link("unlock" if locked else "lock", "lock group", "against changes", **named)
+            + link("show" if hidden else "hide", "eye group", "in the picture only", **named)
+            + link("unlock" if locked else "lock", "lock group", "protection from changes", **named)
             + link("✕", "delete group", "delete the whole group", **named)
         )
         text = f"<b>{html.escape(group)}</b> ({len(every)})"
@@ -123,12 +123,12 @@ class Tree:
         if thing.kind == "obstacle":
             hidden, locked = thing.name in self.hidden, thing.name in self._viewer.document.locked
             bare = thing.name.rpartition(groups.BETWEEN)[2]
-            text = ("&emsp;" if group else "") + html.escape(bare) + (" <i>hidden, kept clear of</i>" if hidden else "")
+            text = ("&emsp;" if group else "") + html.escape(bare) + (" <i>hidden, still avoided</i>" if hidden else "")
             also = handles.obstacles and thing.name not in handles.obstacles
             links = (
-                (link("+", "select thing", "select it, too", more=True, **named) if also else "")
-                + link("show" if hidden else "hide", "eye thing", "of the picture alone", **named)
-                + link("unlock" if locked else "lock", "lock thing", "against changes", **named)
+                (link("+", "select thing", "add to the selection", more=True, **named) if also else "")
+                + link("show" if hidden else "hide", "eye thing", "in the picture only", **named)
+                + link("unlock" if locked else "lock", "lock thing", "protection from changes", **named)
                 + link("✕", "delete thing", "delete", **named)
             )
         elif thing.name:
@@ -138,7 +138,7 @@ class Tree:
     # --- what browsers ask for ------------------------------------------------------------------------------------
 
     def _handler(self, do: Callable[[Thing, Message], object]) -> Callable[[viser.ClientHandle, Message], object]:
-        """Ask for something with the thing that is named, if it is there."""
+        """Return a handler that runs `do` on the named thing, if it exists."""
 
         def job(message: Message) -> None:
             thing = Thing(str(message.get("kind")), str(message.get("name", "")))
@@ -151,7 +151,7 @@ class Tree:
     def _group_handler(
         self, do: Callable[[Sequence[str], Message], object]
     ) -> Callable[[viser.ClientHandle, Message], object]:
-        """Ask for something with the obstacles of the group that is named, if there are any."""
+        """Return a handler that runs `do` on the obstacles of the named group, if there are any."""
 
         def job(message: Message) -> None:
             names = groups.members(self._viewer.edited, str(message.get("name", "")))
@@ -190,7 +190,7 @@ class Tree:
         self._folded.symmetric_difference_update({str(message.get("name"))})
 
     def _rename_group(self, names: Sequence[str], message: Message) -> None:
-        """Call a group otherwise; without a name there is none any more."""
+        """Rename a group; an empty name dissolves it."""
         edited, _ = groups.grouped(self._viewer.edited, names, str(message.get("answer", "")))
         self._editing.apply("group", lambda _: edited)
 

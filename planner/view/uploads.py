@@ -51,7 +51,7 @@ class Uploads:
         return tuple(dict.fromkeys(path for path in paths if path.parent == self.folder))
 
     def close(self) -> None:
-        """Delete them."""
+        """Delete the uploaded files."""
         self._folder.cleanup()
 
 

@@ -66,7 +66,7 @@ class Source:
         return cls(own, read, meshes)
 
     def look(self) -> None:
-        """Read again if a file has changed, or gone, and is no longer being written, or replaced."""
+        """Read the source again if a file has changed or gone, and no program is still writing or replacing it."""
         now = seen(self._known)
         if now != self._known and now == self._at_last_look:
             others = self._read()

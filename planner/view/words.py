@@ -61,7 +61,7 @@ def tip_words(place: pin.SE3) -> str:
 
 SHORT = {  # of a verdict, on a motion's line
     Status.CERTIFIED: "certified",
-    Status.WRONG_ENDS: "other ends",
+    Status.WRONG_ENDS: "wrong ends",
     Status.OUTSIDE_LIMITS: "beyond joint limits",
     Status.IN_CONTACT: "in contact",
     Status.TOO_CLOSE: "too close",

@@ -43,7 +43,7 @@ class Frames:
         return cls(poses, links - set(standing), links, frozenset(tree.joints))
 
     def beside(self, objects: Iterable[str]) -> Frames:
-        """Return the same frames among objects of these names, too."""
+        """Return these frames among objects of these names, too."""
         return replace(self, objects=self.objects.union(objects))
 
     def with_transforms(self, transforms: Iterable[Field]) -> Frames:

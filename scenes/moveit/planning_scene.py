@@ -203,7 +203,7 @@ def _is_diff(state: Field) -> bool:
 
 
 def _attached(state: Field | None) -> dict[str, list[Attached]]:
-    """Return what a robot state attaches to its links: object -> its primitives, each with its own name."""
+    """Return the objects that a robot state attaches to its links: object -> its primitives, each with its own name."""
     keys = state.mapping(MESSAGES["RobotState"]) if state is not None else {}
     attached: dict[str, list[Attached]] = {}
     taken = set[str]()

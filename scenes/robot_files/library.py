@@ -118,6 +118,6 @@ def description_of(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path,
 
 
 def source_of(spec: RobotSpec) -> Source:
-    """Return where a robot's description lies and how it is read."""
+    """Return the place of a robot's description and the way to read it."""
     _, urdf, _, folders = description_of(spec)
     return Source(urdf, folders, tuple(sorted(spec.xacro_args.items())), spec.base_joints)

@@ -53,7 +53,7 @@ class Settings:
         return math.radians(value) if self.own.get("angle", "degree") == "degree" else value
 
     def pose(self, own: Attributes, where: str) -> Pose:
-        """Return what pos and one of quat, axisangle, euler, xyaxes and zaxis say."""
+        """Return the pose that pos and one of quat, axisangle, euler, xyaxes and zaxis give."""
         return Pose(vector(own, "pos", where, "0 0 0"), self._turn(own, where))
 
     def _turn(self, own: Attributes, where: str) -> Array:

@@ -82,7 +82,8 @@ def _finding(library: Any, packages: Packages) -> Iterator[None]:
 
 
 def _in_words(error: BaseException) -> InputError:
-    """Return what went wrong, in one line. The library wraps errors in errors; the innermost says what to do."""
+    """Return the reason of a failure, in one line. The library wraps errors in errors; the innermost says what to
+    do."""
     inner: BaseException | None = error
     while inner is not None:
         if isinstance(inner, InputError):

@@ -256,7 +256,7 @@ def _joints() -> Schema:
 
 
 def _rates() -> dict[str, Schema]:
-    """Return how the robot moves through a configuration."""
+    """Return the robot's rates at a configuration."""
     row, named = value_schema(Row(Number())), value_schema(Named(Number()))
     rates = {"anyOf": [{**row, "minItems": 1}, not_empty(named)]}
     return {"velocity": rates, "acceleration": rates}

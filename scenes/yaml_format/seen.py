@@ -38,7 +38,7 @@ def read_depth(section: Field) -> Cloud:
 
 
 def _source(section: Field, keys: dict[str, Field], here: str) -> object:
-    """Return the file that is named, or what is given here in its place."""
+    """Return the named file, or the value that is given here instead of one."""
     if ("file" in keys) == (here in keys):
         raise section.error(f"needs either file or {here}")
     if "file" in keys:

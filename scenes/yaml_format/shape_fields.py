@@ -44,7 +44,7 @@ def read_shape(section: Field) -> Shape:
 
 
 def shape_entry(shape: Shape, write_path: Any) -> dict[str, Any]:
-    """Return what `read_shape` reads back; `write_path` turns a path into text."""
+    """Return the entry that `read_shape` reads back; `write_path` turns a path into text."""
     shape = shape.requested
     entry: dict[str, Any] = {"type": type(shape).__name__.lower()}
     if CLASSES.get(entry["type"]) is not type(shape):

@@ -212,7 +212,7 @@ def longer(x: np.ndarray, axis: int, by: int) -> np.ndarray:
 
 
 def wrong_values(given: Any, optional: bool, others: Sequence[Any]) -> Iterator[Any]:
-    """What must be refused in the place of an argument, whatever its function."""
+    """Values that every function must refuse as an argument."""
     if not optional:
         yield None
     yield from ("text", b"12345678", object(), [[1.0]], {}, np.float64)
@@ -460,7 +460,7 @@ def frozen() -> Iterator[None]:
 
 @pytest.mark.usefixtures("frozen")
 @pytest.mark.parametrize("name", NAMES)
-def test_nothing_leaks(name: str, recorded: dict[str, list[Call]]) -> None:
+def test_calls_of_the_c_loops_leak_no_memory(name: str, recorded: dict[str, list[Call]]) -> None:
     """Five hundred calls, most of them refused: for want of an argument, for the last one, for one too many."""
     function, given = functions()[name], tuple(map(fresh, recorded[name][0]))
     calls = (given, given[:-1], (*given[:-1], object()), (*given, None))
@@ -501,7 +501,7 @@ def test_threads_do_not_meet(name: str, recorded: dict[str, list[Call]]) -> None
         assert list(pool.map(lambda _: results(name, recorded[name]), range(8))) == [expected] * 8
 
 
-def test_a_record_makes_its_struct_anew_elsewhere(recorded: dict[str, list[Call]]) -> None:
+def test_a_pickled_record_makes_its_struct_again(recorded: dict[str, list[Call]]) -> None:
     given, placed = tree_of(recorded)
     record = Record("tree", *given)
     expected = placed(record.struct)

@@ -34,7 +34,7 @@ def test_the_folder_is_the_users_alone(home: Path) -> None:
 
 @pytest.mark.parametrize("open_one", ["home", "above"])
 @pytest.mark.parametrize("mode", [0o777, 0o775, 0o722])
-def test_where_others_may_write_nothing_is_read_or_written(home: Path, open_one: str, mode: int) -> None:
+def test_a_cache_that_others_can_write_is_not_used(home: Path, open_one: str, mode: int) -> None:
     (home / "kind").mkdir(parents=True)
     text = json.dumps("planted")
     (home / "kind" / "key.json").write_text(f"{cache.content_key(text)}\n{text}")

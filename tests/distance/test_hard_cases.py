@@ -38,7 +38,7 @@ BLIND = {  # just touching or apart, and the paper's set sees no plane between t
 
 
 def _kind(case):
-    """Return what JAX compiles for anew: how many vertices both bodies have."""
+    """Return the key by which JAX compiles: how many vertices both bodies have."""
     return len(case.body_a.vertices), len(case.body_b.vertices)
 
 

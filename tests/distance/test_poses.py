@@ -126,7 +126,7 @@ def test_no_poses_have_no_distances():
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_under_jit_what_is_not_rigid_reads_nan(dtype):
+def test_under_jit_poses_that_are_not_rigid_give_nan(dtype):
     jax = pytest.importorskip("jax")
     from hdplan.distance import hdsdf_batch
 

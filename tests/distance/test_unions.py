@@ -384,7 +384,7 @@ def test_in_overlap_the_least_of_the_pairs_is_above_the_signed_distance():
     assert separation(cut, place(), small, place()) <= least
 
 
-def test_what_a_union_is():
+def test_a_union_lists_its_pieces():
     assert ConvexBody.union([ELL, BODIES["box"]]).pieces == (*ELL.pieces, BODIES["box"])
     assert repr(ELL) == "<BodyUnion: 2 pieces>"
     grown = ELL.inflated(0.1)
@@ -406,7 +406,7 @@ def test_what_a_union_is():
         ([BODIES["box"], [BODIES["box"]]], r"pieces\[1\]: found a list of 1, allowed is a ConvexBody or a union"),
     ],
 )
-def test_what_is_no_union_is_refused(pieces, words):
+def test_invalid_unions_are_refused(pieces, words):
     with pytest.raises(InputError, match=words):
         ConvexBody.union(pieces)
 

@@ -24,7 +24,7 @@ GAMMAS = (1, 2, 3, 4, 5, 6, 7, 8, 32)
 SETS = (*RUNGS[:3], "paper+edges", "paper-multiset", "paper+centre+edges")
 LENGTHS = (1e-9, 1e-3, 0.1, 1.0)  # [m]
 BRANCHES = ("deep", "near", "apart", "touching")
-COUNT = 6  # poses at once: one number, so that nothing is built anew for another
+COUNT = 6  # poses at once: one number, so that nothing is built again for another
 
 EDGES = {"gamma": 2, "normals": "paper+edges"}
 # JAX compiles for seconds each: aligned boxes, a flat body and a segment; a point, larger sets, large gammas

@@ -190,7 +190,7 @@ def test_a_held_object_is_in_no_pair_of_a_scene_without_it() -> None:
         assert second == {pair for pair in first if "bottle" not in pair}
 
 
-def test_what_says_what_holds_anyway_changes_nothing() -> None:
+def test_settings_equal_to_their_defaults_change_nothing() -> None:
     """A clearance that is the planner's, ranges that are the robot's: the same problem, to the last byte."""
     scene = load_scene("panda_cage")
     problem = build(scene)

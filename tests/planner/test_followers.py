@@ -139,7 +139,7 @@ def tip(robot: Robot, q: ArrayLike) -> list[float]:
     return list(data.oMf[robot.model.getFrameId("bar")].act(np.array([-0.48, 0.0, 0.0])).tolist())
 
 
-def test_what_only_a_follower_hits_is_refuted(tmp_path: Path) -> None:
+def test_a_contact_of_a_follower_alone_is_refuted(tmp_path: Path) -> None:
     """A ball where the rod swings, far from all else."""
     middle = np.array([0.0, 0.2, 0.3, 0.0, 0.0])
     place = {"position": tip(spec(tmp_path), middle)}
@@ -264,7 +264,7 @@ def start(folder: Path, more: dict[str, float]) -> object:
 
 
 @pytest.mark.parametrize(("made", "message"), WRONG)
-def test_what_a_linkage_cannot_be_is_refused(made: Any, message: str, tmp_path: Path) -> None:
+def test_invalid_linkages_are_refused(made: Any, message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=message):
         made(tmp_path)
 

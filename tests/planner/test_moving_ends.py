@@ -104,7 +104,7 @@ def test_an_end_may_be_at_a_limit_and_the_other_at_a_velocity_of_zero() -> None:
             assert result.certificate.certified, result.certificate.text
 
 
-def test_what_leaves_its_range_while_it_brakes_is_refused() -> None:
+def test_braking_beyond_a_joints_range_is_refused() -> None:
     """At 1 rad/s and 5 rad/s², with any jerk, a joint goes 0.1 rad and more."""
     for name in ("panda", "ur5"):
         rest = scene_of(name)
@@ -125,7 +125,7 @@ def test_what_leaves_its_range_while_it_brakes_is_refused() -> None:
                 assert ends.head.away[0, joint] * way > 0.1
 
 
-def test_what_meets_something_while_it_brakes_is_refused() -> None:
+def test_braking_into_contact_is_refused() -> None:
     rest = scene_of("panda").with_start([0, 0, 0, -1.57, 0, 1.57, 0])
     wall = hdplan.Obstacle("wall", hdplan.Box([0.8, 0.02, 1.0]), pose=[0.6, 0.23, 0.5])
     fast = [1.5, 0, 0, 0, 0, 0, 0]
@@ -248,7 +248,7 @@ REFUSED: dict[str, tuple[Callable[[Scene], object], str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_who_cannot_take_a_moving_start_says_so(case: str) -> None:
+def test_commands_that_cannot_take_a_moving_start_refuse_it(case: str) -> None:
     call, message = REFUSED[case]
     with pytest.raises(InputError, match=message) as error:
         call(moving(scene_of("ur5"), [0.1] * 6))

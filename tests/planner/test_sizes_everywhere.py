@@ -62,7 +62,7 @@ REFUSES: dict[str, Callable[[Scene], object]] = {
 
 
 @pytest.mark.parametrize("field", SIZES)
-def test_who_takes_the_nominal_world_says_so(field: str) -> None:
+def test_functions_of_the_nominal_world_refuse_sizes(field: str) -> None:
     scene = with_one(field)
     assert [*unknown_in(scene)] == [field]
     for call in REFUSES.values():
@@ -80,7 +80,7 @@ def test_who_takes_the_nominal_world_says_so(field: str) -> None:
 
 
 @pytest.mark.parametrize("field", SIZES)
-def test_who_knows_a_size_shows_it(field: str, tmp_path: Path) -> None:
+def test_every_output_shows_every_size(field: str, tmp_path: Path) -> None:
     """Files, schema, plan, certificate, explanation, replay, samples."""
     scene = with_one(field)
     scene.save(tmp_path / "s.yaml")

@@ -306,7 +306,7 @@ def test_the_short_forms_say_what_the_long_ones_say(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(shipped_scenes()))
-def test_what_is_saved_is_read_back_the_same(tmp_path: Path, name: str) -> None:
+def test_saved_scenes_read_back_equal(tmp_path: Path, name: str) -> None:
     scene, file = load_scene(name), tmp_path / "again.yml"
     scene.save(file)
     assert load_scene(file) == scene

@@ -185,7 +185,7 @@ def test_a_mapping_that_merges_and_is_merged_keeps_its_own_keys() -> None:
             yaml_of(text.encode())
 
 
-def test_what_yaml_may_be_is_refused_by_the_checker_where_readers_differ() -> None:
+def test_yaml_that_readers_take_differently_is_refused_by_the_checker() -> None:
     """Nesting without end, what contains itself, other documents and tags."""
     for text in (
         "a: " + "[" * 70 + "]" * 70,

@@ -287,7 +287,7 @@ def _one_by_one(data: bytes, at: int, element: _Element) -> tuple[_Columns, int]
 
 
 def _place(data: bytes, at: int, known: _Property) -> tuple[int, int, int]:
-    """Return how many numbers the property has that begins here, and where they begin and end."""
+    """Return the count of numbers of the property that begins here, and the places where they begin and end."""
     count = 1
     if known.count is not None:
         begin, at = at, at + known.count.itemsize

@@ -11,7 +11,7 @@ from hdplan.scenes.errors import InputError
 
 Triangles = tuple[Array, Rows]  # vertices (m, 3) in the file's unit, corners (F, 3): rows of vertices
 
-ROUNDING = 1e-5  # of the largest coordinate: about what six written digits leave open
+COORDINATE_ROUNDING = 1e-5  # of the largest coordinate: about what six written digits leave open
 NEAR_POLYGON = 10.0  # times a polygon's own largest coordinate, beyond which the rest of the file does not count
 WHOLE_TURN = 2.0 * np.pi - 1e-6  # [rad]
 RESTART = -1  # in a list of strips, where others hold vertices
@@ -83,13 +83,13 @@ def fan(corners: Rows) -> Rows:
 
 
 def _seen_whole(vertices: Array, triangles: Rows, ears: Rows, largest: float) -> Mask:
-    """Return which polygons are flat and lie whole in sight of their first corner, up to rounding: there no triangle of
-    the fan runs backwards, and together they make less than a whole turn."""
+    """Return, for each polygon, whether it is flat and lies whole in sight of their first corner, up to rounding: there
+    no triangle of the fan runs backwards, and together they make less than a whole turn."""
     starts = np.cumsum(ears) - ears
     a, b, c = np.moveaxis(vertices[triangles], 1, 0)
     with np.errstate(all="ignore"):  # what is not finite is not in sight
         own = np.maximum.reduceat(np.abs(vertices[triangles]).max(axis=(1, 2)), starts)
-        tolerance = ROUNDING * np.minimum(largest, NEAR_POLYGON * own)
+        tolerance = COORDINATE_ROUNDING * np.minimum(largest, NEAR_POLYGON * own)
         doubled = np.cross(b - a, c - a)
         normals = np.add.reduceat(doubled, starts)
         normal = np.repeat(normals / np.linalg.norm(normals, axis=1, keepdims=True), ears, axis=0)

@@ -82,8 +82,8 @@ class Boxes:
         return np.asarray(np.logical_or.reduceat(met, self._first))
 
     def _crossed(self, eye: Array, points: Array) -> tuple[Array, Array]:
-        """Return where each box is entered and left (k, B) on the way from `eye` (3,), at 0, to points (k, 3), at 1,
-        and beyond."""
+        """Return the places where each box is entered and left (k, B) on the way from `eye` (3,), at 0, to points (k,
+        3), at 1, and beyond."""
         entered, left = [np.empty((len(points), 0))], [np.empty((len(points), 0))]
         ends = np.cumsum(self.count)
         for rotation, begin, end in zip(self.rotation, (ends - self.count).tolist(), ends.tolist(), strict=True):
@@ -144,14 +144,14 @@ def view_from(azimuth: float, elevation: float, points: Array, aspect: float) ->
 
 
 def _fitted(side: Array, depth: Array, tangent: float) -> tuple[float, float]:
-    """Return where an eye stands sideways, and how far back, that sees points at `side` (k,) and `depth` (k,) within an
-    opening of `tangent` to both sides: |side − x| ≤ tangent · (depth + back)."""
+    """Return the sideways position and the distance back of an eye that sees points at `side` (k,) and `depth` (k,)
+    within an opening of `tangent` to both sides: |side − x| ≤ tangent · (depth + back)."""
     right, left = float((side - tangent * depth).max()), float((-side - tangent * depth).max())
     return 0.5 * (right - left), 0.5 * (right + left) / tangent
 
 
 def _foreshortening(view: View, path: Array) -> float:
-    """Return which share of a path's length is lost by looking along it, 0 to 1."""
+    """Return the share of a path's length that is lost by looking along it, 0 to 1."""
     steps = np.diff(path, axis=0)
     length = float(np.linalg.norm(steps, axis=1).sum())
     if length <= 0.0:

@@ -101,5 +101,5 @@ def clearance_legend() -> str:
 
 
 def color_legend(color: Color, means: str) -> str:
-    """Return what one colour of a path means as HTML; `means` is HTML."""
+    """Return the legend of one colour of a path as HTML; `means` is HTML."""
     return f'<div class="hd">path: <span style="color:{hex_of(color)}">▬</span> {means}</div>'

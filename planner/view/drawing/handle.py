@@ -49,7 +49,7 @@ def handle_points(pose: Pose, eye: Array) -> Array:
 
 
 def pose_of(handle: Any) -> Pose:
-    """Return where a handle of viser stands. Raises InputError for what is no pose."""
+    """Return the pose of a handle of viser. Raises InputError for values that are not a pose."""
     px, py, pz = (float(value) for value in handle.position)
     w, x, y, z = (float(value) for value in handle.wxyz)
     norm = float(np.sqrt(w * w + x * x + y * y + z * z))

@@ -41,8 +41,8 @@ class Picture:
         return cls(np.array(camera.position), turn, camera.fov, camera.image_width, camera.image_height)
 
     def places(self, points: Array) -> tuple[Array, Array]:
-        """Return where points (k, 3) are seen (k, 2) [px], and how large a metre is there (k,) [px/m]; zeros for points
-        behind the eye."""
+        """Return the places (k, 2) [px] at which points (k, 3) appear, and the size of a metre there (k,) [px/m]; zeros
+        for points behind the eye."""
         right, down, ahead = ((points - self.eye) @ self.turn).T
         seen = np.maximum(ahead, 0.0)
         scale = np.divide(0.5 * self.height / np.tan(0.5 * self.fov), seen, out=np.zeros(len(points)), where=seen > 0.0)

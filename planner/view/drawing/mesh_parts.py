@@ -49,7 +49,7 @@ class Part(ReadOnly):
 @functools.lru_cache(maxsize=256)
 def mesh_parts(path: Path, stamps: Stamps) -> tuple[Part, ...]:
     """Return the parts of a mesh file, read once as long as it, by `stamps`, stays as it is; one part without a colour
-    where trimesh reads another geometry. Raises InputError for what is no mesh file, or is damaged."""
+    where trimesh reads another geometry. Raises InputError for a file that is not a mesh, or is damaged."""
     data = read_file(path)
     key = content_key(VERSION, path.suffix.lower(), data)
     known = load("mesh_parts", key, lambda value: _unpacked(value, path.parent))
@@ -69,7 +69,7 @@ def rgb(color: Any) -> Color:
 
 
 def _content(beside: Path) -> str | None:
-    """Return what tells a file's content from others; None for one that cannot be read."""
+    """Return the digest of a file's content; None for a file that cannot be read."""
     try:
         return content_key(read_file(beside))
     except InputError:

@@ -161,7 +161,7 @@ class ObstacleNode:
         self.take(obstacle)
 
     def _mesh(self, obstacle: Obstacle) -> TriangleMesh:
-        """Return what can be clicked."""
+        """Return a mesh that can be clicked."""
         return obstacle_mesh(obstacle)
 
     def take(self, obstacle: Obstacle) -> None:
@@ -173,7 +173,7 @@ class ObstacleNode:
         self.place = obstacle.pose.matrix  # (4, 4) where it is shown
 
     def show(self, seconds: float) -> None:
-        """If it moves, be where it is at a time [s]."""
+        """Move it to its pose at a time [s], if it moves."""
         if self.motion is not None:
             self.place = self.motion.at(np.array([seconds]))[0]
             self.frame.position, self.frame.wxyz = self.place[:3, 3], wxyz_of(self.place[:3, :3])
@@ -242,7 +242,7 @@ def draw_region(server: viser.ViserServer, region: Within) -> Any:
 
 
 class PathNode:
-    """A line along which a point moves. It is changed and not sent anew: a browser compiles each new one's shaders."""
+    """A line along which a point moves. It is changed, not sent again, as browsers compile shaders for a new one."""
 
     def __init__(self, server: viser.ViserServer, name: str, tip: Array, colors: NDArray[np.uint8] | Color) -> None:
         """Send it; see `draw`."""

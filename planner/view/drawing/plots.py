@@ -21,7 +21,7 @@ from hdplan.scenes.array_types import Array
 LIMIT: Color = (215, 48, 39)  # of what is required or allowed
 SHOWN = 0.3  # [m] largest clearance that the plot shows: what is farther away matters little
 NARROWEST = 0.01  # of the timeline that a plot shows at least
-NEAR = 0.2  # of the range of all joints, from a joint to a limit of it that is drawn
+NEAR_LIMIT = 0.2  # of the range of all joints, from a joint to a limit of it that is drawn
 POSITION = "position"
 UNITS = {"velocity": "rad/s", "acceleration": "rad/s²", "jerk": "rad/s³", "torque": "N m"}  # or with m, N
 Rates = Callable[[ShownMotion], Sequence[Rate]]
@@ -40,7 +40,7 @@ class MotionPlots:
             "plot",
             (POSITION, *UNITS),
             initial_value=POSITION,
-            hint="of the joints; rates where a motion has times, jerk and torque where the scene limits them",
+            hint="of the joints: position; rates where a motion has times, jerk and torque where the scene limits them",
         )
         self.quantity.on_update(lambda _: changed())
         self.joints = Plot(server, "joints", ())
@@ -210,7 +210,7 @@ def _values(
 def _near(joints: Array, lower: Array, upper: Array) -> list[tuple[int, float]]:
     """Return the limits of joints to which a motion (K, n) comes near, each with the number of its joint: others would
     leave the curves no room."""
-    reach = NEAR * max(float(np.ptp(joints)), 1.0)
+    reach = NEAR_LIMIT * max(float(np.ptp(joints)), 1.0)
     found = [(i, float(low)) for i, low in enumerate(lower) if joints[:, i].min() - low < reach]
     return found + [(i, float(high)) for i, high in enumerate(upper) if high - joints[:, i].max() < reach]
 
@@ -230,7 +230,7 @@ def _within(times: Array, own: Array, values: Array) -> Array:
 
 
 def within_sight(clearance: Array) -> Array:
-    """Return what of a clearance the plot shows: nothing where there are no obstacles."""
+    """Return the part of a clearance that the plot shows: nothing where there are no obstacles."""
     return np.where(np.isinf(clearance), np.nan, np.minimum(clearance, SHOWN))
 
 

@@ -15,7 +15,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.motion import Tip
 from hdplan.scenes.array_types import Array
 
-STEPS = 60  # at most
+MOST_STEPS = 60  # of damped least squares
 CONVERGED = 1e-5  # [m] and [rad] at which it has converged
 TOLERANCE_SHARE = 0.75  # share of a goal's tolerance
 LONGEST_STEP = 0.3  # [rad] or [m] of one step of a joint
@@ -53,7 +53,7 @@ def _follow(
     its Jacobian (1, m, n)."""
     best, least, left = postures[0], np.inf, np.zeros((1, 0))
     for q in postures:
-        for _ in range(STEPS):
+        for _ in range(MOST_STEPS):
             error, jacobian = linearized(q)
             size = float(np.linalg.norm(error))
             if size < least:

@@ -16,12 +16,12 @@ from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.skins import Skin
 
 DARKEST, LIGHTEST = 0.22, 0.80  # luma, of 1
-STEP = 0.16  # of luma from one link to the next
+LUMA_STEP = 0.16  # of luma from one link to the next
 LUMA = (0.299, 0.587, 0.114)  # of red, green and blue (ITU-R BT.601)
 
 
 def two_toned(robot: Robot, skins: Sequence[Skin]) -> tuple[Skin, ...]:
-    """Return the same skins in such colours: links at an odd number of joints from the base are the darker ones."""
+    """Return the skins in two tones: links at an odd number of joints from the base are the darker ones."""
     return tuple(replace(skin, color=shade(skin.color, _depth(robot, skin.joint) % 2 == 1)) for skin in skins)
 
 
@@ -29,7 +29,7 @@ def shade(color: Color, darker: bool) -> Color:
     """Return a colour of the same hue whose lightness lies between those of the grounds, in their lighter or darker
     part."""
     luma = luma_of(color)
-    wanted = float(np.interp(luma, [0.0, 1.0], [DARKEST + STEP, LIGHTEST])) - (STEP if darker else 0.0)
+    wanted = float(np.interp(luma, [0.0, 1.0], [DARKEST + LUMA_STEP, LIGHTEST])) - (LUMA_STEP if darker else 0.0)
     if wanted <= luma:
         scaled = np.array(color) * (wanted / luma)
     else:  # towards white, which keeps the hue where scaling would overflow
@@ -39,12 +39,12 @@ def shade(color: Color, darker: bool) -> Color:
 
 
 def luma_of(color: Color) -> float:
-    """Return how light a colour is, 0 to 1."""
+    """Return the lightness of a colour, 0 to 1."""
     return float(np.dot(LUMA, color)) / 255.0
 
 
 def _depth(robot: Robot, joint: int) -> int:
-    """Return how many joints lie between a joint and the world."""
+    """Return the number of joints between a joint and the world."""
     count = 0
     while joint > 0:
         joint, count = int(robot.model.parents[joint]), count + 1

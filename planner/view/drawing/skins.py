@@ -70,9 +70,9 @@ class Skin(ReadOnly):
 
 
 def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple[str, ...]]:
-    """Return what the robot looks like, one skin per link and colour, and what it holds; none if its URDF holds no
-    visuals. And words for the meshes that are left out, as they are missing or cannot be read: a link of which nothing
-    is left is drawn by its collision geometry.
+    """Return the robot's appearance, one skin per link and colour, with the objects that it holds; none if its URDF
+    holds no visuals. And words for the meshes that are left out, as they are missing or cannot be read: a link of which
+    nothing is left is drawn by its collision geometry.
 
     Raises InputError for a URDF that is not valid.
     """
@@ -128,7 +128,7 @@ def _visual_skins(robot: Robot, source: Source, stamps: Stamps) -> tuple[tuple[S
 
 
 def shown_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], str]:
-    """Return what the robot is shown in, and a word where that is not all its visual meshes."""
+    """Return the skins in which the robot is shown, and a note where they are not all its visual meshes."""
     try:
         skins, left_out = visual_skins(robot, spec)
     except InputError as error:

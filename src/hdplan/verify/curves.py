@@ -85,7 +85,7 @@ class Leg:
 
     @cached_property
     def backwards(self) -> Leg:
-        """The same curve from its end to its beginning."""
+        """This curve from its end to its beginning."""
         arc = self.arc
         if arc is not None:
             centre, one, two, angle = arc

@@ -17,7 +17,10 @@ from .balls import CROSS, EPS, Ball, Pose, RejectedError, above, compose, cos_si
 from .kernel import AT_ONCE, CLAIMS, INSTANT, Motion
 from .world import Bond, World, blossom, keys_of, number, numbers, placed, symmetric, unit_vector
 
-SAME, ROUNDED = 1e-6, 1e-9  # [rad, m or s] between the motion's ends and the world's; by which a limit may be passed
+SAME_END, LIMIT_ROUNDING = (
+    1e-6,
+    1e-9,
+)  # [rad, m or s] between the motion's ends and the world's; by which a limit may be passed
 RATE_NAMES = ("velocity", "acceleration", "jerk")
 
 
@@ -91,7 +94,11 @@ def limits_of(world: World, name: str) -> tuple[Any, Any]:
     ends = [[none if x is None else number(x, f"limits.{name}") for x, none in pair] for pair in pairs]
     low, high = np.array(ends).T
     need(value or (high >= 0).all(), f"limits.{name}: is negative")
-    return (low - ROUNDED, high + ROUNDED) if value else (-high * (1 + ROUNDED), high * (1 + ROUNDED))
+    return (
+        (low - LIMIT_ROUNDING, high + LIMIT_ROUNDING)
+        if value
+        else (-high * (1 + LIMIT_ROUNDING), high * (1 + LIMIT_ROUNDING))
+    )
 
 
 def rates_of(world: World, name: str, order: int) -> list[Ball]:
@@ -106,7 +113,7 @@ def rates_of(world: World, name: str, order: int) -> list[Ball]:
         if k > 0:
             ends = (("start", 0), ("goal", -1))
             jumps = [(rate_there(world, last, place, k) - rate_at(world, end, k)).size.max() for end, place in ends]
-            need(max(jumps) <= SAME, f"limits.{name}: the motion begins or ends with a jump")
+            need(max(jumps) <= SAME_END, f"limits.{name}: the motion begins or ends with a jump")
         rates.append(derivative(world, last))
     return rates
 
@@ -150,7 +157,7 @@ def at_rates(world: World, names: list[str], end: str) -> bool:
         need(world.clock is not None or not required.size.any(), f"{end}.{name}: is not 0, and the motion has no times")
         if world.clock is not None:
             control = derivative(world, control) if control.mid.shape[1] > 1 else control * 0.0
-            if not (rate_there(world, control, place, order) - required).size.max() <= SAME:
+            if not (rate_there(world, control, place, order) - required).size.max() <= SAME_END:
                 return False
     return True
 
@@ -283,7 +290,7 @@ def turned_line(world: World, joint: int, angle: Line) -> Line:
 
 def chord(angle: float) -> float:
     """Return a lower bound of 2 sin(angle / 2), the distance between unit vectors at an angle (of at most pi) apart."""
-    sin = cos_sin(min(angle, 4.0) / 2 + ROUNDED / 2)[1]
+    sin = cos_sin(min(angle, 4.0) / 2 + LIMIT_ROUNDING / 2)[1]
     return np.inf if angle > 3.15 else float(2 * (sin.mid - sin.rad) * (1 - 4 * EPS))
 
 
@@ -314,7 +321,7 @@ def bonds_of_path(world: World, constraints: Any, begins: Callable[[], bool]) ->
             need(len(size) == 3, f"{what}.size: three numbers are expected")
             for i, edge in enumerate(size):
                 if edge is not None:
-                    most = number(edge, what) / 2 + ROUNDED
+                    most = number(edge, what) / 2 + LIMIT_ROUNDING
                     found.append(Bond(what, joint, local, -1, centre[None], most, along=turn[:, i]))
         else:
             need(kind == "relative", f"{what}: is not known")
@@ -335,7 +342,7 @@ def bonds_of_path(world: World, constraints: Any, begins: Callable[[], bool]) ->
 def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], tolerances: Any) -> list[Bond]:
     """Bonds that keep a link's frame at another one, within tolerances; about one of its axes it may be free."""
     (joint, pose), (other, target), (off, angle, free) = link, to, tolerances
-    bonds = [Bond(what, joint, pose[1][None], other, target[1][None], off + ROUNDED)]
+    bonds = [Bond(what, joint, pose[1][None], other, target[1][None], off + LIMIT_ROUNDING)]
     need(free in ("none", "x", "y", "z", "all"), f"{what}: free '{free}'")
     if free != "all":
         axes = [0, 1, 2] if free == "none" else ["xyz".index(free)]
@@ -394,7 +401,7 @@ def at_values(world: World, target: Any, end: str) -> bool:
     here |= {x.name: float(at.mid[i]) for i, x in enumerate(world.joints[: world.own]) if x.follows}
     need({*others} <= {*here}, f"{end}: names a joint that is none")
     more = [here[name] - number(value, end) for name, value in others.items()]
-    return bool((np.abs([*off, *more]) <= SAME).all()) and at_rates(world, rates, end)
+    return bool((np.abs([*off, *more]) <= SAME_END).all()) and at_rates(world, rates, end)
 
 
 # --- the claims -------------------------------------------------------------------------------------------------------
@@ -418,7 +425,7 @@ def check_claim(world: World, claim: str) -> None:
         check_path(world, world.path, lambda: reached(world, "start"))
     elif claim == "duration":
         took = world.clock[-1] - world.clock[0] if world.clock is not None else np.nan
-        need(abs(took - number(world.duration, "duration")) <= SAME, f"duration: the motion takes {took:g} s")
+        need(abs(took - number(world.duration, "duration")) <= SAME_END, f"duration: the motion takes {took:g} s")
     else:
         need(reached(world, claim), f"{claim}: the motion's end is elsewhere")
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from .balls import EPS, Ball, above, cross, dot, joined, need, norm, stack, up
-from .effects import ROUNDED, Line, chord, everywhere, forward, link_of, parts_of, rates_of, still, times, wedge
+from .effects import LIMIT_ROUNDING, Line, chord, everywhere, forward, link_of, parts_of, rates_of, still, times, wedge
 from .kernel import INSTANT, Motion, farthest
 from .turns import rotation, turns_between
 from .world import Bond, World, keys_of, number, placed
@@ -185,7 +185,7 @@ class Followed:
         bent = up((about.size * about.size).sum(axis=1)) / 2
         chords = farthest(side - axes, rate - cross(about[:, None], axes), rest + bent)
         most = chord(curve.angle) * (1.4142135623730950 if curve.free == "none" else 1.0)
-        return np.stack([~(far <= curve.far + ROUNDED), ~(chords <= most)], axis=1)
+        return np.stack([~(far <= curve.far + LIMIT_ROUNDING), ~(chords <= most)], axis=1)
 
     def check_ends(self) -> None:
         """Check that the link is within its radius while it is not on the curve, and so is what it leaves out."""
@@ -199,7 +199,7 @@ class Followed:
             segment, middle, _ = curve.between(np.array([[way, way]]))
             out = norm((joined([curve.places[left], curve.poses(segment, middle)[0]]) - centre).size)
             need((out <= radius).all(), "path.follow: what is left out of the curve is beyond the radius")
-            bond = Bond("path.follow", curve.joint, curve.own[1][None], -1, centre[None], radius + ROUNDED)
+            bond = Bond("path.follow", curve.joint, curve.own[1][None], -1, centre[None], radius + LIMIT_ROUNDING)
 
             def off(spans: Any, bond: Bond = bond) -> Any:
                 return ~(Motion(self.world, spans).apart(bond) <= bond.most)[:, None]
@@ -246,7 +246,7 @@ def check_tool(world: World, curve: Curve, spans: Any, order: int, most: float) 
         found = tool(world, curve, q, v, more[0] if more else zero)[order - 1]
         ends = [norm(np.abs(found.mid + sign * found.slope)) for sign in (1.0, -1.0)]
         size = above(np.maximum(*ends), up(norm(found.rad) + 4 * EPS * norm(np.abs(found.mid) + np.abs(found.slope))))
-        return ~(size <= most * (1 + ROUNDED))[:, None]
+        return ~(size <= most * (1 + LIMIT_ROUNDING))[:, None]
 
     everywhere(what, ["the link"], spans, beyond)
 

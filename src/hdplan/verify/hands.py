@@ -11,7 +11,7 @@ from typing import Any
 from . import scene as scenes
 from .balls import Ball, Pose, compose, dot, need
 from .joints import Joints
-from .motion import SAME
+from .motion import SAME_VALUE
 from .other_robot import OtherRobot
 from .reading import Reader
 from .robot import placed, upward
@@ -57,7 +57,7 @@ class Hands:
         self.hand = {x: joints.held[x] for x in (given if isinstance(given, dict) else ()) if x in joints.held}
         for name, value in start["others"].items():
             here = self.everywhere(joints)[name]
-            need(abs(here - value) <= SAME, f"start: '{name}' stands at {here:g}")
+            need(abs(here - value) <= SAME_VALUE, f"start: '{name}' stands at {here:g}")
         self.standing, self.held = dict[str, dict[str, Any]](), dict[str, dict[str, Any]]()
         for into, key in ((self.standing, "obstacles"), (self.held, "attached")):
             for i, entry in enumerate(listing(top.get(key), key)):

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .job import Job
 
 TABLE = ("x", "y", "z", "qx", "qy", "qz", "qw")  # columns of poses in a file, beside a time that says nothing
-SAME = 1e-14  # of places and rotations
+SAME_PLACE = 1e-14  # of places and rotations
 TURNS = 4  # times that a turn about a free axis is sought
 KNOWN = 1e-10  # by which placements of links may be off where curves begin there
 
@@ -193,7 +193,9 @@ def following(job: Job, number: int) -> dict[str, Any]:
 
 def apart(places: Any, turns: Any) -> Any:
     """True (N - 1,) for poses that are not, but for rounding, those that follow them."""
-    return (lengths(np.diff(places, axis=0)) > SAME) | (np.abs(np.diff(turns, axis=0)).max(axis=(1, 2)) > SAME)
+    return (lengths(np.diff(places, axis=0)) > SAME_PLACE) | (
+        np.abs(np.diff(turns, axis=0)).max(axis=(1, 2)) > SAME_PLACE
+    )
 
 
 def blended(first: Leg, second: Leg, radius: float) -> Blend:

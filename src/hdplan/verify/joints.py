@@ -13,7 +13,9 @@ from .robot import Tree, placed
 from .semantics import Semantics, held_at, moving
 from .text import mapping
 
-ROOM = 0.1  # [rad or m] by which held joints, a named state or a request may be beyond limits: descriptions differ
+LIMIT_ROOM = (
+    0.1  # [rad or m] by which held joints, a named state or a request may be beyond limits: descriptions differ
+)
 
 
 @functools.lru_cache(maxsize=16)
@@ -59,8 +61,8 @@ class Joints:
             spec["locked"] = {x: scenes.one(y, f"start: '{x}'") for x, y in named.items() if x in resting} | locked
         self.held = {x: held_at(x, spec, tree, semantics) for x in resting}
         for x, at in self.held.items():
-            near = tree.joints[x].low - ROOM <= at <= tree.joints[x].high + ROOM
-            need(near, f"joint '{x}' is held at {at:g}, more than {ROOM} beyond its limits")
+            near = tree.joints[x].low - LIMIT_ROOM <= at <= tree.joints[x].high + LIMIT_ROOM
+            need(near, f"joint '{x}' is held at {at:g}, more than {LIMIT_ROOM} beyond its limits")
         where = tree, json.dumps(spec.get("base")), (*self.moving,), (*self.held.items(),)
         (self.at, self.frames), self.shapes = links_at(*where), shapes_at(*where)
 

@@ -217,7 +217,7 @@ class Motion:
         return farthest(gap, change, rest + more)
 
     def seen(self, joint: int, local: Ball, other: int) -> Ball:
-        """Return where a point (3,) of a joint's frame is in another's, anywhere on the first interval."""
+        """Return the position of a point (3,) of a joint's frame in another's, anywhere on the first interval."""
         here = dot("ij,j->i", self.turn[0, joint], local) + self.at[0, joint]
         there = dot("ji,j->i", self.turn[0, other], here - self.at[0, other])
         carried = self.world.carried[[joint, other]]  # what carries both changes nothing
@@ -300,7 +300,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], bytes, dict[str, Any], Trees]:
     inflate = zlib.decompressobj()
     line, _, rest = inflate.decompress(data[len(MAGIC) :], MOST_BYTES).partition(b"\n")
     world, _, rest = rest.partition(b"\n")
-    need(inflate.eof and not inflate.unused_data, "the proof is cut short, too large, or goes on after its end")
+    need(inflate.eof and not inflate.unused_data, "the proof is cut short, too large, or continues after its end")
     need(max(len(line), len(world)) <= MOST_LINE, "the proof's head or world is too long")
     head, at, arrays = loads(line), 0, list[Any]()
     need(type(head) is dict and head.get("version") == VERSION, f"the proof is not of version {VERSION}")

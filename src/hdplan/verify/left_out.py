@@ -22,7 +22,7 @@ from .world import Piece
 if TYPE_CHECKING:
     from .reading import Reader
 
-SAME = 1e-9  # [m] between two balls that are one
+SAME_BALL = 1e-9  # [m] between two balls that are one
 BESIDE = 1e-6  # [m] by which a ball that is left out may be farther away than the margin
 AT_ONCE = 256  # points that are compared with all corners of a mesh
 
@@ -78,7 +78,7 @@ def kept(centres: Any, claimed: Any) -> Any:
     found, waiting = np.zeros(len(centres), dtype=bool), iter(claimed.tolist())
     x, y, z = next(waiting, (np.inf,) * 3)
     for i, (a, b, c) in enumerate(centres.tolist()):
-        if abs(a - x) <= SAME and abs(b - y) <= SAME and abs(c - z) <= SAME:
+        if abs(a - x) <= SAME_BALL and abs(b - y) <= SAME_BALL and abs(c - z) <= SAME_BALL:
             found[i] = True
             x, y, z = next(waiting, (np.inf,) * 3)
     need(np.isinf(x), "the proof has a ball that is not seen there")

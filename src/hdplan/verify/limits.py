@@ -8,7 +8,7 @@ import numpy as np
 
 from . import scene as scenes
 from .balls import need
-from .joints import ROOM, Joints
+from .joints import LIMIT_ROOM, Joints
 from .other_robot import OtherRobot
 from .targets import Targets
 from .text import mapping, values
@@ -29,7 +29,7 @@ def limits(top: dict[str, Any], joints: Joints, targets: Targets) -> dict[str, A
             least, most = values(ranges[name], 2, f"limits.position.{name}").tolist()
             low, high = max(low, least), min(high, most)
         for x in ends.get(name, []):
-            low, high = (x if 0 < low - x <= ROOM else low), (x if 0 < x - high <= ROOM else high)
+            low, high = (x if 0 < low - x <= LIMIT_ROOM else low), (x if 0 < x - high <= LIMIT_ROOM else high)
         spans.append([None if abs(x) == np.inf else float(x) for x in (low, high)])
     timed = bool(section) or "timing" in top
     found: dict[str, Any] = {"position": spans}
@@ -49,7 +49,7 @@ def limits_of_other(top: dict[str, Any], robot: OtherRobot) -> dict[str, Any]:
         if name in ranges:
             least, most = values(ranges[name], 2, f"limits.position.{name}").tolist()
             low, high = claimed["position"][i]
-            within = None not in (low, high) and least - ROOM <= low and high <= most + ROOM
+            within = None not in (low, high) and least - LIMIT_ROOM <= low and high <= most + LIMIT_ROOM
             need(within, f"limits.position.{name}: the proof has another range")
         for rate in RATES:
             most = _in_numbers(given[rate], name, robot)

@@ -12,7 +12,7 @@ from .joints import Joints
 from .text import listing, mapping, values
 from .world import symmetric
 
-SHARE, LEAST = 2e-2, 2e-9  # of the largest moment, and [kg m^2], that written digits leave open
+MOMENT_SHARE, LEAST_MOMENT = 2e-2, 2e-9  # of the largest moment, and [kg m^2], that written digits leave open
 
 
 def loads(top: dict[str, Any], joints: Joints) -> list[Any]:
@@ -69,8 +69,8 @@ def check_body(mass: float, about: Any, what: str) -> None:
     """Reject an inertia that no body has: of its principal moments none is negative, or above the sum of the others,
     and without mass all are 0."""
     least, middle, most = np.linalg.eigvalsh(about)
-    slack = SHARE * max(abs(least), abs(most)) + LEAST
-    good = min(least, least + middle - most) >= -slack and (mass > 0 or most <= LEAST)
+    slack = MOMENT_SHARE * max(abs(least), abs(most)) + LEAST_MOMENT
+    good = min(least, least + middle - most) >= -slack and (mass > 0 or most <= LEAST_MOMENT)
     need(good, f"limits.torque: no body has the inertia of {what}")
 
 

@@ -74,7 +74,8 @@ def _voxels(value: Any, what: str, folder: Path, files: Files) -> tuple[Any, Any
 
 
 def _octomap(value: Any, what: str, folder: Path, files: Files) -> tuple[Any, Any, Ball, Ball]:
-    """As `_voxels`, of the leaves of a tree; what it does not know is free, or occupied in the box of all it knows."""
+    """Boxes of the leaves of a tree, as of `_voxels`; what the tree does not know is free, or occupied in the box of
+    all it knows."""
     section = mapping(value, what, OCTOMAP)
     need(("file" in section) != ("content" in section), f"{what}: either file or content")
     unknown = section.get("unknown", "free")

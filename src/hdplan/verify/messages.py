@@ -50,7 +50,7 @@ MESSAGES = {
     "Pose": "position orientation",
 }
 SOLIDS = {1: "box", 2: "sphere", 3: "cylinder"}  # shape_msgs/SolidPrimitive
-SAME = 1e-9  # by which two poses of one frame may differ
+SAME_POSE = 1e-9  # by which two poses of one frame may differ
 VARIABLE = re.compile(r"/(x|y|theta|trans_[xyz]|rot_[xyzw])$")  # of a joint that carries a robot's base
 
 
@@ -139,7 +139,7 @@ def solids(section: dict[str, Any], what: str) -> list[tuple[dict[str, Any], Pos
 
 def same(one_: Pose, two: Pose) -> bool:
     """True if two poses are equal, but for rounding."""
-    return all(np.abs(a.mid - b.mid).max() <= SAME for a, b in zip(one_, two, strict=True))
+    return all(np.abs(a.mid - b.mid).max() <= SAME_POSE for a, b in zip(one_, two, strict=True))
 
 
 class Frames:

@@ -14,7 +14,7 @@ from .balls import Ball, need
 from .text import DECIMAL, mapping, values
 from .world import hermite, loads, numbers, unique
 
-SAME = 1e-6  # [rad or m] between a joint that stands still or follows and what the file says of it
+SAME_VALUE = 1e-6  # [rad or m] between a joint that stands still or follows and what the file says of it
 RATES = ("positions", "velocities", "accelerations")
 KINDS = (".json", ".csv")
 
@@ -88,7 +88,8 @@ class Rows:
         text = data.decode("utf-8-sig").replace("\r\n", "\n")
         lines = [next(csv.reader([line], strict=True)) for line in text.split("\n") if line.strip(" ")]
         head, *cells = [[x.strip(" ") for x in line] for line in lines]
-        need(all(len(x) == len(head) and all(map(DECIMAL.fullmatch, x)) for x in cells), f"{path}: a cell is no number")
+        good = all(len(x) == len(head) and all(map(DECIMAL.fullmatch, x)) for x in cells)
+        need(good, f"{path}: a cell is not a number")
         columns = unique([(x, [*map(float, each)]) for x, each in zip(head, zip(*cells, strict=True), strict=True)])
         ends = ("", ".velocity", ".acceleration")
         names = [x for x in columns if x != "time" and not x.endswith(ends[1:])]
@@ -108,7 +109,7 @@ class Rows:
         for name, at in self.locked.items():
             need(name in held, f"{self.path}: locked: '{name}' is no joint that is held")
             off = abs(float(values(at, 1, f"locked.{name}")[0]) - held[name])
-            need(off <= SAME, f"{self.path}: locked: '{name}' is held at {held[name]:g}")
+            need(off <= SAME_VALUE, f"{self.path}: locked: '{name}' is held at {held[name]:g}")
         if {*self.names} - {*lead}:
             self.check_others(joints, held)
         order = [self.names.index(x) for x in lead]
@@ -130,4 +131,4 @@ class Rows:
             leader = i if other is None else self.names.index(joints[other]["name"])
             for k, rows in enumerate([curve, *map(Ball, self.given)]):
                 off = rows[..., i] - (rows[..., leader] * factor + add * (k < 2))
-                need((off.size <= SAME).all(), f"{self.path}: '{name}' moves otherwise in the world")
+                need((off.size <= SAME_VALUE).all(), f"{self.path}: '{name}' moves otherwise in the world")

@@ -20,7 +20,7 @@ TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4"
     **{"double": "f8", "float64": "f8"},
 }
 PCD = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA")
-MOST = 5_000_000  # points
+MOST_POINTS = 5_000_000  # points
 NOT_FINITE = re.compile(r"[-+]?(nan|inf)", re.IGNORECASE)
 LAS_HEADER, LAS_14 = 227, 375  # bytes
 
@@ -43,7 +43,7 @@ def _words(data: bytes, what: str, comma: bool = False) -> list[list[str]]:
 
 def _numbers(rows: list[list[str]], columns: list[int], kinds: list[str], what: str) -> Any:
     """Three columns of numbers, each rounded to its kind."""
-    need(len(rows) <= MOST, f"{what}: at most {MOST} points are expected")
+    need(len(rows) <= MOST_POINTS, f"{what}: at most {MOST_POINTS} points are expected")
     found = np.empty((len(rows), 3))
     for axis, (column, kind) in enumerate(zip(columns, kinds, strict=True)):
         words = [row[column] for row in rows]
@@ -113,7 +113,7 @@ def _rows(data: bytes, count: int, columns: list[tuple[str, str]], text: bool, w
     """The columns x, y and z of rows, as text or as bytes; None if they are not all floats of one size."""
     names = [name for name, _ in columns]
     need(all(names.count(axis) == 1 for axis in "xyz"), f"{what}: columns x, y and z are expected, each once")
-    need(count <= MOST, f"{what}: at most {MOST} points are expected")
+    need(count <= MOST_POINTS, f"{what}: at most {MOST_POINTS} points are expected")
     at = [names.index(axis) for axis in "xyz"]
     kinds = [columns[i][1] for i in at]
     if len({*kinds}) > 1 or kinds[0][-2] != "f":
@@ -136,7 +136,7 @@ def _las(data: bytes, what: str) -> Any:
         (count,) = struct.unpack_from("<Q", data, 247)
     if kind > 10:
         return None  # compressed
-    need(0 < count <= MOST and length >= 20, f"{what}: at most {MOST} points are expected")
+    need(0 < count <= MOST_POINTS and length >= 20, f"{what}: at most {MOST_POINTS} points are expected")
     need(begins >= LAS_HEADER and begins + count * length <= len(data), f"{what}: is cut short")
     rows = np.frombuffer(data, np.uint8, count * length, begins).reshape(count, length)[:, :12]
     scale, shift = np.array(struct.unpack_from("<6d", data, 131)).reshape(2, 3)

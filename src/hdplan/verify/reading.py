@@ -35,7 +35,7 @@ from .targets import Targets
 from .text import Files, listing, mapping, row
 from .world import VERSION
 
-ROUNDING = 1e-6  # by which rows may be farther apart than a scene says
+ROW_ROUNDING = 1e-6  # by which rows may be farther apart than a scene says
 ROBOT = (
     "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs tracking calibration"
 )
@@ -120,7 +120,7 @@ class Reader:
         self.joints = Joints(spec, self.top["start"], tree, semantics)
 
     def of(self, top: dict[str, Any], rows: Rows) -> Reader:
-        """The same files with other sections and other rows, of one stage of a job."""
+        """These files with other sections and other rows, of one stage of a job."""
         other = copy.copy(self)
         other.top, other.rows = top, rows
         other.joints = Joints(top["robot"], top["start"], self.joints.tree, self.joints.semantics)
@@ -295,7 +295,7 @@ class Reader:
         notes += [f"not compared, although MoveIt's allowed collision matrix{of} does: {words}"] * bool(found)
         times, rate = world["motion"]["times"], self.top.get("timing", {}).get("rate")
         gap = max(np.diff(times), default=0.0) if times else np.inf
-        if rate is not None and not gap * scenes.one(rate, "timing.rate") <= 1 + ROUNDING:
+        if rate is not None and not gap * scenes.one(rate, "timing.rate") <= 1 + ROW_ROUNDING:
             notes.append(
                 f"not kept, timing.rate: rows are up to {float(gap)!r} s apart, {rate!r} in a second are required"
             )

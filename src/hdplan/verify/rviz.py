@@ -57,7 +57,7 @@ def _words(left: Iterator[str], count: int) -> list[str]:
 
 def _count(left: Iterator[str]) -> int:
     (found,) = _words(left, 1)
-    need(found.isascii() and found.isdigit() and len(found) < 8, f"text of objects: '{found}' is no number of parts")
+    need(found.isascii() and found.isdigit() and len(found) < 8, f"text of objects: '{found}' is not a number of parts")
     return int(found)
 
 

@@ -23,7 +23,7 @@ DEPTH = "file image intrinsics scale range radius voxel ignore_robot ignore"
 TABLES = (".npy", ".npz")  # of points
 STEEPEST = 5.0
 NEARLY = 1.0 + 1e-12  # by which depths may be beyond the range, and steps steeper, as they are rounded
-MOST = 5_000_000  # of points
+MOST_POINTS = 5_000_000  # of points
 
 
 def balls_of(kind: str, value: Any, what: str, folder: Path, files: Files) -> tuple[Ball, Any] | None:
@@ -52,7 +52,7 @@ def balls_of(kind: str, value: Any, what: str, folder: Path, files: Files) -> tu
 
 
 def _points(section: dict[str, Any], table: Any, what: str) -> tuple[Ball, Any]:
-    need(table.shape[1] == 3 and len(table) <= MOST, f"{what}: at most {MOST} points (m, 3) are expected")
+    need(table.shape[1] == 3 and len(table) <= MOST_POINTS, f"{what}: at most {MOST_POINTS} points (m, 3) are expected")
     seen = np.isfinite(table).all(axis=1)
     need(section.get("drop_nan", False) is True or seen.all(), f"{what}: points that are not finite")
     radius = section.get("radius")
@@ -84,7 +84,7 @@ def _pixels(section: dict[str, Any], image: Any, what: str) -> tuple[Ball, Any]:
 
 
 def _length(x: Any) -> Any:
-    """As `norm`, with sums in one order: a proof has the digest of these numbers, on any machine."""
+    """Norm, with sums in one order: a proof has the digest of these numbers, on any machine."""
     x = x * x
     return up(np.sqrt(up(x[:, 0] + x[:, 1] + x[:, 2])))
 

@@ -51,12 +51,12 @@ def split(text: str) -> list[str]:
 def number(word: Any, what: str) -> float:
     """A number in decimal digits."""
     text = word.strip(SPACE) if type(word) is str else ""
-    need(DECIMAL.fullmatch(text) and abs(float(text)) < LARGEST, f"{what}: '{word}' is no number")
+    need(DECIMAL.fullmatch(text) and abs(float(text)) < LARGEST, f"{what}: '{word}' is not a number")
     return float(text)
 
 
 def row(text: Any, count: int, what: str) -> Any:
-    """As many numbers, between spaces."""
+    """A fixed count of numbers, between spaces."""
     words = split(text) if type(text) is str else []
     need(len(words) == count, f"{what}: {count} numbers are expected, found '{text}'")
     return np.array([number(word, what) for word in words])
@@ -65,12 +65,12 @@ def row(text: Any, count: int, what: str) -> Any:
 def table(words: Sequence[bytes | str], what: str) -> Any:
     """Many numbers."""
     found = [x.decode("ascii", "replace") if isinstance(x, bytes) else x for x in words]
-    need(all(map(DECIMAL.fullmatch, found)), f"{what}: a word is no number")
+    need(all(map(DECIMAL.fullmatch, found)), f"{what}: a word is not a number")
     return np.array(found, dtype=np.float64)
 
 
 def values(value: Any, count: int, what: str) -> Any:
-    """As many finite numbers of a scene, in a list if they are several."""
+    """A fixed count of finite numbers of a scene, in a list if they are several."""
     rows = value if isinstance(value, list) else [value]
     good = len(rows) == count and {*map(type, rows)} <= {int, float} and all(abs(x) < LARGEST for x in rows)
     need(good, f"{what}: {count} finite numbers are expected")
@@ -179,7 +179,7 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
             return self.construct_object(yaml.ScalarNode(tag, word))
         infinite = word.lower() in (".inf", "+.inf", "-.inf")
         good = DECIMAL.fullmatch(word) or (infinite and kind == "float")
-        need(good and not re.match(r"[-+]?0[0-9]", word), f"'{word}' is no number in decimal digits")
+        need(good and not re.match(r"[-+]?0[0-9]", word), f"'{word}' is not a number in decimal digits")
         return int(word) if kind == "int" else float(word.replace(".", "") if infinite else word)
 
 

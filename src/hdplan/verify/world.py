@@ -85,7 +85,11 @@ def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def loads(text: str | bytes) -> Any:
     """The content of JSON text without keys that stand twice."""
-    return json.loads(text, object_pairs_hook=unique, parse_constant=lambda word: need(False, f"{word} is no number"))
+
+    def refuse(word: str) -> None:
+        need(False, f"{word} is not a number")
+
+    return json.loads(text, object_pairs_hook=unique, parse_constant=refuse)
 
 
 def symmetric(six: Any) -> Any:

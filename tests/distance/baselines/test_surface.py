@@ -12,7 +12,7 @@ VOLUMES = {"box": 0.24, "plate": 0.8e-4, "triangle": 0.0, "segment": 0.0, "point
 
 
 @pytest.mark.parametrize("name", VOLUMES)
-def test_they_hold_the_volume(name, bodies):
+def test_the_triangles_enclose_the_bodys_volume(name, bodies):
     corners = bodies[name].vertices[triangles(bodies[name])]
     volume = np.sum(np.linalg.det(corners)) / 6.0  # of the tetrahedra with the origin: positive if seen from outside
     assert volume == pytest.approx(VOLUMES[name], abs=1e-15)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hdplan.distance.batch.distance import MOST, hdsdf_batch
+from hdplan.distance.batch.distance import MOST_POSES, hdsdf_batch
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.normals import RUNGS
 from hdplan.distance.numpy_reference.hdsdf import hdsdf, hdsdf_derivatives, separation
@@ -25,7 +25,7 @@ jax = pytest.importorskip("jax")
 BOX, CAPSULE = ConvexBody.box([1.0, 0.6, 0.4]), ConvexBody.capsule(0.15, 0.8)
 POINT = ConvexBody.from_points([[0.1, 0.0, 0.0]])
 EVERYTHING = "paper-multiset+sphere-4+centre+edges"
-COUNT = 8  # poses; one number, as every other compiles anew
+COUNT = 8  # poses; one number, as every other one needs a compilation
 ROUNDING = {"float64": 32 * float(np.finfo(np.float64).eps), "float32": 32 * float(np.finfo(np.float32).eps)}
 
 
@@ -172,9 +172,9 @@ def test_leading_axes_broadcast(poses):
 def test_any_number_of_poses(random_poses):
     """None, and more than go at once."""
     distance = hdsdf_batch(POINT, POINT)
-    a, b = random_poses(65, 50, 1.0), random_poses(66, MOST // 50 + 1, 1.0)
+    a, b = random_poses(65, 50, 1.0), random_poses(66, MOST_POSES // 50 + 1, 1.0)
     value, least = distance.value(a[:, None], b)
-    assert value.size > MOST
+    assert value.size > MOST_POSES
     np.testing.assert_allclose(least, separation(POINT, a[:, None], POINT, b), atol=1e-14)
     np.testing.assert_allclose(value[-1], distance.value(a[-1], b)[0], rtol=1e-13)
     assert [part.shape for part in distance.value(a[:0], b[:0])] == [(0,), (0,)]

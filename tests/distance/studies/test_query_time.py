@@ -24,7 +24,7 @@ def test_pairs_come_in_the_order_of_their_complexity() -> None:
 
 @pytest.mark.parametrize("name", ["FCL", "GDF", "GDF uaibot", "JAX batch"])
 @pytest.mark.filterwarnings("ignore")  # of uaibot's own imports
-def test_other_methods_answer(name: str) -> None:
+def test_optional_peers_answer_queries(name: str) -> None:
     if name not in available_methods():
         pytest.skip("not installed")
     found = query_times(PAIRS[:1], [name])

@@ -32,7 +32,7 @@ def test_paper_poses_fill_the_papers_ranges():
 
 
 @pytest.mark.parametrize("count", [0, 1, BLOCK + 1])
-def test_any_count(count):
+def test_any_number_of_touching_poses_is_made(count):
     for poses in touching_poses(ConvexBody.box([1, 1, 1]), ConvexBody.sphere(0.1), np.random.default_rng(2), count):
         _check_rigid(poses, count)
 
@@ -53,7 +53,7 @@ def test_touching_poses_touch(pair, tolerance):
 
 
 @pytest.mark.sampled(5)
-def test_they_touch_but_for_rounding(pair, monkeypatch):
+def test_touching_poses_touch_up_to_rounding(pair, monkeypatch):
     monkeypatch.setattr(oracle, "_proven", lambda *arguments: np.zeros(len(arguments[-1].distances), dtype=bool))
     body_a, body_b = pair
     poses_a, poses_b = touching_poses(body_a, body_b, np.random.default_rng(5), 15)

@@ -1,4 +1,4 @@
-"""Jobs of several stages among many problems: outcomes, data sets with stages, places drawn anew."""
+"""Jobs of several stages among many problems: outcomes, data sets with stages, places drawn again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run loses nothing: wherever it stops, the same command goes on there and ends with the same files."""
+"""A run loses nothing: wherever it stops, the same command continues there and ends with the same files."""
 
 from __future__ import annotations
 
@@ -273,7 +273,7 @@ def test_files_are_those_of_the_problem_and_the_same_again(run_here: Callable[..
     assert Path("r/motions/%2E%2E/up.proof").is_file()
 
 
-def test_no_name_leads_out_of_the_folder_and_no_two_meet() -> None:
+def test_names_of_outputs_are_unique_and_stay_in_the_folder() -> None:
     drawn, names = (
         random.Random(6),
         {"", ".", "..", "/", "//", "/a", "a", "a/", "%2E", "a\0b", "ü/ ", "a b", "..a", "con:x"},

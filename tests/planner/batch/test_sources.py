@@ -95,7 +95,7 @@ def test_tables_vary_a_scene(ending: str) -> None:
     assert one.load().planner.waypoints == 16
 
 
-def test_what_is_no_source_is_refused_at_once() -> None:
+def test_invalid_sources_are_refused_at_once() -> None:
     write("empty/readme.txt"), write("a/one.yaml"), write("t.csv", f"{HEAD}\n")
     Path("cut.parquet").write_bytes(table_bytes([{"seed": 1}])[:-9])
     refused(["nowhere/*.yaml"], "nowhere/*.yaml", "no such file")

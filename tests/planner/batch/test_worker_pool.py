@@ -62,7 +62,7 @@ def test_workers_find_what_a_loop_finds(two_workers: Any) -> None:
     assert all((outcome.cause == "") == outcome.certified for outcome in alone)
 
 
-def test_what_fails_costs_only_itself(two_workers: Any) -> None:
+def test_a_failing_problem_costs_only_itself(two_workers: Any) -> None:
     from planted import Broken, Crashing
 
     planted = {1: Crashing("crash", "g", ARM), 5: Broken("broken", "g", ARM), 7: Job("gone", "g", Path("no/such.yaml"))}
@@ -104,7 +104,7 @@ def test_workers_keep_no_samples_of_themselves(two_workers: Any) -> None:
 
 
 @pytest.mark.slow  # two workers start again
-def test_what_hangs_is_ended_from_outside(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hanging_problem_is_ended_from_outside(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     from planted import PATIENCE, Hanging
 
     monkeypatch.setattr(outcome_module, "PATIENCE", PATIENCE)

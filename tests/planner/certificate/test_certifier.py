@@ -520,7 +520,7 @@ def test_where_coal_is_in_doubt_hulls_that_keep_apart_are_no_contact(
     assert 1.0 < found.clearance <= exact.clearance * 1.1
 
 
-def test_what_the_time_limit_cuts_off_is_not_proven(planar: RobotSpec, tmp_path: Path) -> None:
+def test_parts_cut_off_by_the_time_limit_are_not_proven(planar: RobotSpec, tmp_path: Path) -> None:
     """Not in contact either, although the hulls meet."""
     ring = trimesh.creation.annulus(3.0, 3.1, 0.2)
     ring.export(tmp_path / "ring.stl")

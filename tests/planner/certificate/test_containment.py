@@ -108,7 +108,7 @@ def to_file(mesh: TriangleMesh, path: Path) -> Path:
 @pytest.mark.core
 @pytest.mark.parametrize("how", ["as it is", "inside out", "scrambled", "both ways", "torn", "twice"])
 @pytest.mark.parametrize("scales", [(1.0,), (1.0, 0.8), (1.0, 0.8, 0.6)], ids=["solid", "hollow", "nested"])
-def test_what_is_inside_counts_as_inside(how: str, scales: tuple[float, ...]) -> None:
+def test_a_body_inside_another_counts_as_inside(how: str, scales: tuple[float, ...]) -> None:
     """And in a cavity as free, where its wall tells that it is one."""
     rng = np.random.default_rng(7)
     filled = how in ("as it is", "inside out", "twice")

@@ -266,7 +266,7 @@ def test_what_a_check_leaves_out_is_named(
     )
 
 
-def test_what_nobody_asks_for_is_named_too(whole: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unrequested_checks_are_named_too(whole: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch) -> None:
     _, moved = whole
     dropping(EndCheck, "misses", lambda found: {**found, "middle": None})(monkeypatch)
     with pytest.raises(UncheckedError, match="checks cover middle, which the scene does not require"):

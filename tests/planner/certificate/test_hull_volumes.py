@@ -29,7 +29,7 @@ def two_corners() -> TriangleMesh:
     return TriangleMesh(points, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 4], [2, 3, 4], [3, 1, 4]]))
 
 
-def test_they_are_those_that_are_computed(cache: Path) -> None:
+def test_cached_results_equal_computed_ones(cache: Path) -> None:
     meshes = [hull(seed) for seed in range(3)] + [two_corners()]
     first = [hull_volume(mesh) for mesh in meshes]
     assert [hull_volume(mesh) for mesh in meshes] == first == [mesh.hull_volume for mesh in meshes]

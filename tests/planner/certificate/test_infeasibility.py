@@ -92,13 +92,13 @@ class Ending:
         return self.ends()
 
 
-def test_what_must_be_kept_counts(urdf: Path) -> None:
+def test_the_required_clearance_counts_in_proofs_of_infeasibility(urdf: Path) -> None:
     scene = crated(urdf, 1, 2.1 * RADIUS)
     assert not proven(scene, 0.002)
     assert ", with the clearance that it must keep, cannot get" in proven(scene, 0.004)
 
 
-def test_what_moves_shuts_nothing_off(urdf: Path) -> None:
+def test_moving_obstacles_shut_nothing_off(urdf: Path) -> None:
     scene = crated(urdf, 2, 0.0)
     roof = scene.obstacles[3]
     moving = hdplan.SteadyMotion(velocity=[0.0, 0.0, 0.1])

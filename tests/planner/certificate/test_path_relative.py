@@ -141,7 +141,7 @@ def test_dense_samples_never_find_more_than_is_proven(name: str, turned: bool, t
     assert seen == set(itertools.product(FIELDS, (False, True)))
 
 
-def test_what_moves_both_links_changes_nothing(tmp_path: Path) -> None:
+def test_a_common_motion_of_both_links_changes_nothing(tmp_path: Path) -> None:
     spec = spec_of("two_arms", tmp_path)
     robot, rng = load_robot(spec), np.random.default_rng(3)
     start, moved = robot.draw(rng, 2)

@@ -88,7 +88,7 @@ def test_no_world_within_the_sizes_is_closer_than_what_is_proven(robot: str) -> 
 
 @pytest.mark.parametrize("robot", HOMES)
 def test_places_at_an_instant_are_those_of_an_interval_without_length(robot: str) -> None:
-    """Places taken from a longer interval are those computed anew, with unknown joints and things that drift."""
+    """Places taken from a longer interval equal new ones, with unknown joints and things that drift."""
     home, more = HOMES[robot]
     scene, motion = random_scene(1, robot, home, **more)
     setup, rng = Setup.of(scene), np.random.default_rng(1)
@@ -137,7 +137,7 @@ def test_what_is_not_measured_is_proven_all_the_same(robot: str) -> None:
     assert refused > 2
 
 
-def test_what_a_shift_costs_is_its_size_and_no_more() -> None:
+def test_a_shift_costs_exactly_its_size() -> None:
     """The proven bound is that of the scene at its nominal sizes, less the shift."""
     scene = load_scene("panda_cage")
     motion = hdplan.plan(scene).trajectory
@@ -180,7 +180,7 @@ def test_larger_sizes_prove_no_more() -> None:
             last = found
 
 
-def test_what_turns_a_ball_about_its_middle_costs_nothing() -> None:
+def test_turning_a_ball_about_its_centre_costs_no_clearance() -> None:
     ball = Obstacle("ball", Sphere(0.2), [0.6, 0.0, 0.2], uncertainty=Uncertainty(orientation=0.5))
     home = HOMES["panda"][0]
     scene = Scene(robot="panda", obstacles=[ball], start=home, goal=home)
@@ -189,7 +189,7 @@ def test_what_turns_a_ball_about_its_middle_costs_nothing() -> None:
     assert hdplan.certify(scene, motion).clearance == pytest.approx(known.clearance, abs=1e-9)
 
 
-def test_who_may_walk_is_compared_with_what_stands() -> None:
+def test_uncertain_moving_obstacles_are_compared_with_static_links() -> None:
     """A person beside the base, which never moves, may walk into it; a table that is off may not."""
     home = HOMES["panda"][0]
     rows = {"start": home, "goal": home, "timing": hdplan.Timing(duration=2.0)}

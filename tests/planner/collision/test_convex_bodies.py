@@ -23,7 +23,7 @@ def bodies(seed: int) -> list[Swept]:
 
 
 @pytest.mark.parametrize("damage", ["none", "cut", "empty", "other"])
-def test_they_are_those_that_are_computed(damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cached_results_equal_computed_ones(damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path))
     around = bodies(3)
     convex_bodies(bodies(4))

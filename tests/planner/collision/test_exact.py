@@ -59,7 +59,7 @@ def truth_of(bodies: Sequence[LinkBody], others: Sequence[HalfspaceBody], at: Ar
 
 
 @needs_loops
-def test_it_is_the_oracles_on_random_bodies() -> None:
+def test_the_distance_equals_the_oracles_on_random_bodies() -> None:
     bodies, others, at = free_bodies(60, 1), clutter(60, 2, spread=0.2), poses(30, 3, spread=0.3)
     (distance, wrench), truth = everything(exact(bodies, others), at), truth_of(bodies, others, at)
     known = np.isfinite(truth)
@@ -153,7 +153,7 @@ def test_boxes_on_edge_and_slanted() -> None:
 
 
 @needs_loops
-def test_it_is_coals_wrench_and_its_own_derivative() -> None:
+def test_the_wrench_is_coals_and_the_distances_derivative() -> None:
     """Three ways, away from kinks."""
     bodies, others, at = free_bodies(40, 4), clutter(40, 5, spread=0.2), poses(10, 6, spread=0.4)
     pairs = exact(bodies, others)
@@ -174,7 +174,7 @@ def test_beyond_the_margin_it_says_no_more_than_that() -> None:
 
 
 @needs_loops
-def test_what_is_not_a_number_ends() -> None:
+def test_queries_with_nan_terminate() -> None:
     pairs, at = exact(free_bodies(3, 8), clutter(3, 9)), poses(2, 10, spread=0.4)
     at[:] = np.nan
     assert not (everything(pairs, at)[0] > 0.0).any()

@@ -58,7 +58,9 @@ def everywhere(pairs: BodyPairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 @pytest.mark.parametrize("gamma", ORDERS)
 @pytest.mark.parametrize("length", [1e-4, 0.03])
-def test_as_casadi(pairs: BodyPairs, gamma: int, length: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pair_distances_equal_casadis(
+    pairs: BodyPairs, gamma: int, length: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     kinematics, rows = poses(), everywhere(pairs)
     found = HdsdfPairs(pairs, gamma, length)(kinematics, *rows)
     monkeypatch.setattr(hdsdf, "library", lambda: None)

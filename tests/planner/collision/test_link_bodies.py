@@ -137,7 +137,7 @@ def test_the_links_of_well_known_arms_come_fitted(name: str, monkeypatch: pytest
 
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ROBOTS)
-def test_what_is_found_about_an_arm_is_shipped(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_for_an_arm_are_shipped(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And it is what is found now: run benchmarks/shipped_bodies.py after a change of it."""
     arm, computed = load_robot(RobotSpec(name=name)), list[object]()
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "empty"))
@@ -153,7 +153,7 @@ def test_what_is_found_about_an_arm_is_shipped(name: str, tmp_path: Path, monkey
     np.testing.assert_allclose(shipped.distances_kept, now.distances_kept, rtol=0, atol=1e-6)
 
 
-def test_a_fit_now_is_as_tight_as_what_is_shipped(panda: Robot) -> None:
+def test_a_new_fit_is_as_tight_as_the_shipped_one(panda: Robot) -> None:
     """On average over the links, and each link's geometry is contained."""
     tightness = []
     for link in panda.links:

@@ -281,7 +281,7 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
             BarrierSettings(**wrong)
 
 
-def test_what_is_called_certain_is(robot: Robot) -> None:
+def test_sufficient_separation_bounds_the_distance(robot: Robot) -> None:
     """A D̃ of `sufficient_separation` leaves D no less than its δ, wherever the bodies are."""
     rng = np.random.default_rng(14)
     settings = BarrierSettings()
@@ -295,7 +295,7 @@ def test_what_is_called_certain_is(robot: Robot) -> None:
     assert 0.0 <= tightest < 2e-3  # and it is not empty words
 
 
-def test_what_known_planes_prove_is_so(robot: Robot) -> None:
+def test_known_planes_of_an_obstacle_bound_the_distance(robot: Robot) -> None:
     """D ≥ δ keeps the true distance no less than `least_distance` of the obstacle's planes, and that is far more than
     what is proven of planes that are not known."""
     rng = np.random.default_rng(15)
@@ -463,7 +463,7 @@ def test_a_ball_that_comes_is_given_way_to(count: int, robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("starts", [3, pytest.param(6, marks=pytest.mark.slow)])
-def test_what_stands_holds_whatever_comes(starts: int, robot: Robot) -> None:
+def test_static_obstacles_keep_their_margins_beside_fast_moving_ones(starts: int, robot: Robot) -> None:
     """A fast ball drives the arm among boxes: of what stands nothing falls below its margin, or further below."""
     rng = np.random.default_rng(12)
     gave = 0

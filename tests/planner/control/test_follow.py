@@ -98,7 +98,7 @@ def test_times_of_the_file_are_kept_to(room: Scene, robot: Robot, sweep: Traject
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("velocity", [(-0.25, 0.0, 0.0), (0.0, -0.25, 0.0)], ids=str)
-def test_it_yields_and_recovers(
+def test_the_follower_yields_and_recovers(
     velocity: tuple[float, float, float], free: Followed, room: Scene, robot: Robot, sweep: Trajectory
 ) -> None:
     assert free.arrived is not None
@@ -199,7 +199,9 @@ def test_a_paced_path_keeps_to_the_speeds(sweep: Trajectory, robot: Robot) -> No
 @pytest.mark.parametrize("timed", [False, True])
 @pytest.mark.parametrize("jerk", [40.0, 88.0, 500.0])
 @pytest.mark.parametrize("acceleration", [2.0, 5.0, 15.0])
-def test_it_arrives_without_overshoot_within_any_limits(acceleration: float, jerk: float, timed: bool) -> None:
+def test_the_follower_arrives_without_overshoot_within_any_limits(
+    acceleration: float, jerk: float, timed: bool
+) -> None:
     """Random motions, without times or much faster than the limits allow: no joint passes its goal or its limits, and
     what waits for no obstacle stays by the motion."""
     rng = np.random.default_rng(int(acceleration + jerk))

@@ -75,7 +75,7 @@ def test_no_pair_nearer_than_the_horizon_is_overlooked(distance: str, spec: Robo
     assert len(barriers.at(robot.draw(rng, 1), np.zeros(1)).within(np.inf)) == len(barriers.names)
 
 
-def test_what_lies_beyond_the_horizon_changes_no_command() -> None:
+def test_obstacles_beyond_the_horizon_change_no_command() -> None:
     rng = np.random.default_rng(1)
     boxes = [Obstacle(f"box{k}", Box((0.1, 0.1, 0.1)), Pose(tuple(rng.uniform(-0.9, 0.9, 3)))) for k in range(30)]
     robot = load_scene_robot(scene_of())
@@ -110,7 +110,7 @@ def test_the_rate_grows_toward_the_horizon(robot: Robot) -> None:
         assert len(linear.pairs) == len(controller.barriers.names)
 
 
-def test_what_is_in_no_pair_stays_farther_away_than_is_proven(robot: Robot) -> None:
+def test_obstacles_in_no_pair_stay_beyond_the_proven_distance(robot: Robot) -> None:
     """Of balls and points about as far as the arm reaches, whatever the margin."""
     rng, model, left = np.random.default_rng(5), collision_model_of(robot, "fitted", "box"), 0
     ways = rng.normal(size=(60, 3))
@@ -158,7 +158,7 @@ def test_a_horizon_nearer_than_the_margin_is_refused(robot: Robot) -> None:
         ControlSettings(horizon=0.0)
 
 
-def test_a_world_seen_anew_is_as_if_it_had_been_there(robot: Robot) -> None:
+def test_an_updated_world_equals_a_new_one(robot: Robot) -> None:
     """Obstacles, clouds and what is held are exchanged while the arm moves on from its last command."""
     rng = np.random.default_rng(4)
     first = Controller.of(scene_of(*clutter(rng)), robot=robot)

@@ -18,7 +18,7 @@ STEP = 0.004  # [s] of the arm that a step takes, mostly
 
 
 class Clocked:
-    """An arm that goes where it is sent, and whose clock goes on with each look at it, or stands still."""
+    """An arm that goes where it is sent, and whose clock advances with each reading, or stands still."""
 
     def __init__(self, names: tuple[str, ...], at: Floats) -> None:
         self.joint_names, self.period, self.now, self.due = names, 0.002, 0.0, 0.0

@@ -1,5 +1,5 @@
 """The controller's loops of C against their twins in NumPy: braking to the last bit, the rest to rounding; with twins
-in the place of all loops, the controller commands the same."""
+instead of all loops, the controller commands the same."""
 
 from __future__ import annotations
 

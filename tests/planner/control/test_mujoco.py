@@ -47,7 +47,7 @@ def planned() -> tuple[hdplan.Scene, Trajectory]:
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda_carry", "ur5_ceiling", "ur5_payload", "xarm7_post", "kinova_shelf"])
-def test_it_has_the_mechanics_of_the_robot(name: str) -> None:
+def test_the_mujoco_model_has_the_mechanics_of_the_robot(name: str) -> None:
     """Mass matrix, gravity and Coriolis forces, at random configurations and speeds; with loads, from the ceiling."""
     setup = Setup.of(hdplan.load_scene(name))
     robot, scene = setup.robot, setup.scene
@@ -99,7 +99,7 @@ def test_a_body_that_is_farther_off_than_the_scene_has_it_fails(planned: tuple[h
     assert "more than robot.tracking.position: the proof does not cover it" in simulation.text
 
 
-def test_it_stands_where_it_was_placed() -> None:
+def test_the_simulated_arm_holds_its_place() -> None:
     """The weight is carried; nothing moves by itself, however the base hangs."""
     arm = control.MuJoCoArm.of(hdplan.load_scene("ur5_ceiling"))
     q = arm.state()[0]

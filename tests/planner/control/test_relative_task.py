@@ -67,7 +67,7 @@ def test_in_the_frame_of_what_stands_it_is_the_task_in_the_world(baxter: Robot) 
                 np.testing.assert_allclose(one, other, atol=1e-9)
 
 
-def test_it_is_met_while_the_other_arm_moves(baxter: Robot) -> None:
+def test_a_relative_task_is_met_while_the_other_arm_moves(baxter: Robot) -> None:
     rng, dt = np.random.default_rng(2), 0.02
     start = baxter.configuration(hdplan.load_scene("baxter_bimanual_carry").start)
     wanted = between(baxter, start + rng.uniform(-0.2, 0.2, baxter.n), RIGHT, LEFT)

@@ -260,7 +260,7 @@ def test_the_picture_has_a_panel_for_each_quantity(tmp_path: Path) -> None:
     assert not (tmp_path / "path.png").exists()
 
 
-def test_what_touches_is_found() -> None:
+def test_contacts_are_found() -> None:
     robot = load_robot(PLANAR)
     motion = _motion(robot, np.array([-0.5, 0.0]), np.array([0.5, 0.0]), 1.0)
     ball = Obstacle("ball", Sphere(0.1), Pose((0.9, -0.1, 1.0)))

@@ -58,7 +58,7 @@ def test_default_gains_arrive_within_the_target_and_a_posture_does_not_keep_them
         assert run.met is not None
 
 
-def test_what_is_no_task_is_refused(robot: Robot) -> None:
+def test_invalid_tasks_are_refused(robot: Robot) -> None:
     wrong: list[tuple[Any, str]] = [([], "task"), ("pose", "task"), ([READY], r"task\[0\]"), (3, r"task")]
     for tasks, words in wrong:
         with pytest.raises(InputError, match=words) as refused:

@@ -388,7 +388,7 @@ def test_what_is_not_read_is_refused_by_name(
         read(path)
 
 
-def test_what_is_no_json_or_no_glb_is_refused(tmp_path: Path) -> None:
+def test_files_that_are_neither_json_nor_glb_are_refused(tmp_path: Path) -> None:
     text = json.dumps(plain())
     padded = text.encode() + b" " * (-len(text) % 4)
     whole = struct.pack("<4s4I", b"glTF", 2, 20 + len(padded), len(padded), 0x4E4F534A) + padded

@@ -179,7 +179,7 @@ def test_faces_of_an_obj_may_count_back_and_have_more_than_three_corners(tmp_pat
     assert triangles.tolist() == [[0, 1, 2], [0, 2, 3], [4, 0, 1]]
 
 
-def test_what_is_no_regular_file_is_refused_at_once(tmp_path: Path) -> None:
+def test_files_that_are_not_regular_are_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.stl")
     (tmp_path / "folder.stl").mkdir()
     for name in ("pipe.stl", "folder.stl"):

@@ -153,7 +153,7 @@ def test_bytes_of_a_ply_are_all_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("head", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_strips_of_a_ply_turn_every_second_triangle_and_begin_anew_after_minus_one(head: str, tmp_path: Path) -> None:
+def test_strips_of_a_ply_turn_every_second_triangle_and_restart_after_minus_one(head: str, tmp_path: Path) -> None:
     """Against the rule, corner by corner, and against Assimp, which reads one list of strips and no faces beside it."""
     path = tmp_path / "a.ply"
     for seed in range(12):

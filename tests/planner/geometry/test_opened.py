@@ -93,7 +93,7 @@ def scene_of(folder: Path) -> Scene:
     )
 
 
-def test_nothing_behind_the_door_opens_a_file(folder: Path) -> None:
+def test_a_setup_needs_no_file_after_it_is_built(folder: Path) -> None:
     """The files are deleted once the Setup stands: planner, certificate and pictures say the same as with them."""
     scene = scene_of(folder)
     motion = Trajectory(("turn",), np.linspace(-0.4, 0.4, 5)[:, None], times=np.linspace(0.0, 2.0, 5))
@@ -112,7 +112,7 @@ def test_nothing_behind_the_door_opens_a_file(folder: Path) -> None:
     assert setup.requested.obstacles[0] == scene.obstacles[0]  # by its file, to be shown and saved
 
 
-def test_a_file_is_read_once_and_anew_when_it_changes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_is_read_once_and_again_when_it_changes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, events = scene_of(folder), list[Path]()
 
     def counted(shape: Mesh, where: str, upright: bool) -> TriangleMesh:

@@ -391,7 +391,7 @@ def test_a_blend_that_would_be_slower_is_a_stop(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("pressed", [True, False])
-def test_what_ends_while_stages_are_blended_leaves_stops(monkeypatch: pytest.MonkeyPatch, pressed: bool) -> None:
+def test_an_end_while_blending_leaves_stops(monkeypatch: pytest.MonkeyPatch, pressed: bool) -> None:
     """Ctrl-C in the first group of stages, or a request to end there: the planned stages are kept, and certified."""
     begun: list[int] = []
 
@@ -461,7 +461,7 @@ def _certified(scene: hdplan.Scene, result: JobResult) -> bool:
         (["line: {by: [0, 0, 0.1], link: panda_hand}, blend: 0.05", DOWN], "panda_hand"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_blended_is_one_line(tmp_path: Path, stages: list[str], words: str) -> None:
+def test_an_impossible_blend_is_one_line(tmp_path: Path, stages: list[str], words: str) -> None:
     names = ("first", "second", "third")
     listed = "".join(f"  - {{name: {name}, {stage}}}\n" for name, stage in zip(names, stages, strict=False))
     file = tmp_path / "job.yaml"

@@ -142,7 +142,7 @@ def test_speeds_of_the_tool(planned: JobResult) -> None:
         assert np.linalg.norm(np.gradient(v, times[:-1], axis=0)[2:-2], axis=1).max() <= acceleration * (1 + 1e-3)
 
 
-def test_what_is_free_turns_about_its_axis_alone(planned: JobResult) -> None:
+def test_a_free_axis_turns_about_itself_alone(planned: JobResult) -> None:
     _, places, turns = tool_at(stage_named(planned, "free"))
     axes = turns.apply([0.0, 0.0, 1.0])
     assert np.linalg.norm(np.cross(axes, axes[0]), axis=1).max() <= ANGLE
@@ -246,13 +246,13 @@ def test_a_scene_names_a_table_of_poses(tmp_path: Path) -> None:
         (lambda: hdplan.Along(EIGHT), r"stage|along.poses: the first is .* away from where the link is"),
     ],
 )
-def test_what_is_no_curve_is_refused_in_one_line(stage: Any, words: str) -> None:
+def test_invalid_curves_are_refused_in_one_line(stage: Any, words: str) -> None:
     with pytest.raises(InputError, match=words) as error:
         hdplan.plan_job(job_of(stage()))
     assert "\n" not in str(error.value)
 
 
-def test_what_nobody_can_follow_names_the_stage() -> None:
+def test_a_curve_that_cannot_be_followed_names_its_stage() -> None:
     with pytest.raises(
         UnsolvableError, match="'far away' cannot follow it from wherever it begins: no joint values were found for"
     ):

@@ -48,7 +48,7 @@ def placed() -> JobResult:
     return hdplan.plan_job(hdplan.Scene(robot=spec, obstacles=[floor, bar], start=start, limits=LIMITS, job=job))
 
 
-def test_what_is_held_is_brought_to_a_pose_as_a_link_is(placed: JobResult, tmp_path: Path) -> None:
+def test_a_held_object_is_brought_to_a_pose_like_a_link(placed: JobResult, tmp_path: Path) -> None:
     """By Pinocchio: where the cup has the bar since it took it, all the way; the bar's own line is straight."""
     assert placed.certified, placed.text
     model = hdplan.load_robot(placed.scene.robot).model
@@ -75,7 +75,7 @@ def test_what_is_held_is_brought_to_a_pose_as_a_link_is(placed: JobResult, tmp_p
     assert proof.text.count("bar follows its curve of 2 poses") == 2
 
 
-def test_what_is_not_held_is_no_link(placed: JobResult) -> None:
+def test_an_object_that_is_not_held_is_not_a_link(placed: JobResult) -> None:
     job = hdplan.Job([hdplan.Line(by=[0.0, 0.0, 0.1], link="bar")])
     with pytest.raises(InputError, match=r"job\[0\] \(line 0\): line.link: unknown link 'bar'"):
         hdplan.plan_job(replace(placed.scene, goal=None, job=job))

@@ -75,7 +75,7 @@ def bar_of(world: dict[str, Any]) -> dict[str, Any]:
     return dict(found)
 
 
-def test_what_goes_from_hand_to_hand_is_proven_whole(files: Files) -> None:
+def test_a_handover_is_proven_in_full(files: Files) -> None:
     """With the joint that carries the bar, and what may touch it, in every stage."""
     scene, motion, data = files
     verdict, read = check_job(scene, motion, data)

@@ -231,7 +231,7 @@ def test_the_proof_of_another_job_is_rejected(
         judged(other, motion, data)
 
 
-def test_what_was_let_go_stands_where_it_was_let_go(
+def test_a_released_object_stays_at_its_release_pose(
     scene: Scene, files: tuple[Path, Path, bytes], tmp_path: Path
 ) -> None:
     """As far as the checker's own kinematics says, and hdplan's."""

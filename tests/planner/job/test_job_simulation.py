@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.planner.control.computed_torque import STEP, Execution
+from hdplan.planner.control.computed_torque import LONGEST_STEP, Execution
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.result import JobResult
 from hdplan.planner.job.simulation import replay_job
@@ -60,7 +60,7 @@ def test_a_plant_executes_the_arm_in_every_stage(scene: Scene, planned: JobResul
 
     def plant(setup: Setup, curve: Curve) -> Execution:
         assert curve.times is not None
-        times = np.arange(curve.times[0], curve.times[-1], STEP)
+        times = np.arange(curve.times[0], curve.times[-1], LONGEST_STEP)
         errors = np.zeros((len(times), setup.robot.n))
         errors[:, 3] = off * (times > times.mean())
         return Execution(times, curve.at_time(times) - errors, errors, np.zeros_like(errors), False, 10 * errors)

@@ -127,7 +127,7 @@ def test_fingers_that_may_not_go_so_far_say_in_which_stage() -> None:
         hdplan.plan_job(scene(hdplan.Grip({FINGER: 0.08})))
 
 
-def test_what_was_let_go_is_no_held_object_that_another_may_touch() -> None:
+def test_a_released_object_loses_its_allowed_contacts() -> None:
     one = hdplan.Attached("one", "panda_hand", hdplan.Box([0.02, 0.02, 0.02]), [0.0, 0.0, 0.2], ["two"])
     two = hdplan.Attached("two", "panda_hand", hdplan.Box([0.02, 0.02, 0.02]), [0.0, 0.0, 0.225], ["one"])
     for up, certified in ((0.05, True), (-0.05, False)):

@@ -55,7 +55,7 @@ def coal_shape(shape: Any) -> Any:
     return coal.Box(*shape.size) if isinstance(shape, hdplan.Box) else coal.Cylinder(shape.radius, shape.length)
 
 
-def test_nothing_meets_but_what_may(scene: Scene, planned: JobResult) -> None:
+def test_only_allowed_contacts_occur_in_a_job(scene: Scene, planned: JobResult) -> None:
     """The whole robot with its hand, the can where it must be by then, coal's distance, every 20 ms: without a line of
     what derives the stages."""
     robot = hdplan.load_robot(hdplan.RobotSpec(name="panda", group=[*ARM, FINGER]))
@@ -230,7 +230,7 @@ def test_touching_is_for_the_stages_that_say_so(scene: Scene, planned: JobResult
     )
 
 
-def test_what_is_held_is_compared_with_all_else(scene: Scene, planned: JobResult) -> None:
+def test_held_objects_are_compared_with_everything_else(scene: Scene, planned: JobResult) -> None:
     """A bar that only the can meets, and a can that is longer than the one that was planned."""
     motion = planned.trajectory
     low = hdplan.Obstacle("bar", hdplan.Box([0.02, 0.02, 0.02]), [0.5, -0.3, 0.14])
@@ -245,7 +245,7 @@ def test_what_is_held_is_compared_with_all_else(scene: Scene, planned: JobResult
     assert not found.certified
 
 
-def test_what_was_let_go_is_an_obstacle_where_it_lies(scene: Scene, planned: JobResult) -> None:
+def test_a_released_object_is_an_obstacle_at_its_place(scene: Scene, planned: JobResult) -> None:
     """A hand that does not open leaves the can only by the way of the can."""
     motion, finger = planned.trajectory, planned.trajectory.joint_names.index(FINGER)
     row = motion.stages[6].row
@@ -288,13 +288,13 @@ def test_what_was_let_go_is_an_obstacle_where_it_lies(scene: Scene, planned: Job
         ),
     ],
 )
-def test_what_cannot_be_done_is_one_line(scene: Scene, number: int, fields: dict[str, Any], words: str) -> None:
+def test_an_impossible_job_is_one_line(scene: Scene, number: int, fields: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
         hdplan.plan_job(with_stages(scene, (number, fields)))
     assert "\n" not in str(caught.value)
 
 
-def test_whatever_is_for_one_motion_refuses_a_job(scene: Scene, planned: JobResult) -> None:
+def test_functions_for_one_motion_refuse_a_job(scene: Scene, planned: JobResult) -> None:
     motion = planned.trajectory
     robot = hdplan.load_robot(scene.robot)
     calls: list[Callable[[], object]] = [

@@ -1,4 +1,4 @@
-"""Laws of certificates that are kept from planning: of nothing but the same, and no other than those made anew."""
+"""Laws of certificates that are kept from planning: only of equal stages, and equal to new ones."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def some_job() -> hdplan.Scene:
     return hdplan.Scene(robot=robot, obstacles=[table, can], start="default", limits=limits, job=job)
 
 
-def test_kept_certificates_are_those_made_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_certificates_equal_new_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, pieces = some_job(), []
     monkeypatch.setattr(
         "hdplan.planner.job.planning.certified_job",

@@ -149,7 +149,7 @@ limits: {acceleration: 4}
         ),
     ],
 )
-def test_what_no_job_can_be_is_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:
+def test_invalid_jobs_are_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "job.yaml").write_text(JOB + text + "\n", encoding="utf-8")
     with pytest.raises(InputError, match=words) as caught:
         hdplan.load_scene(tmp_path / "job.yaml")
@@ -182,7 +182,7 @@ def test_fingers_alone_move_what_follows_them() -> None:
     assert held == [None, 0.01, None]
 
 
-def test_what_ends_before_the_first_stage_says_so() -> None:
+def test_a_job_that_ends_before_its_first_stage_reports_it() -> None:
     job = hdplan.Job([hdplan.Move([0.3, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]), hdplan.Wait(0.1)])
     scene = hdplan.Scene(robot="panda", start="default", limits=LIMITS, job=job)
     with pytest.raises(hdplan.TimeLimitError, match="before the first stage"):

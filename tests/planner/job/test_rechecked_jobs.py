@@ -159,7 +159,7 @@ def test_planted_faults_are_found(
 
 
 @pytest.mark.parametrize("where", ["lift", "carry", "lower"])
-def test_what_the_held_object_alone_meets_is_found(planned: tuple[Path, Data, Data], where: str) -> None:
+def test_contacts_of_the_held_object_alone_are_found(planned: tuple[Path, Data, Data], where: str) -> None:
     """A pea is at the lower end of the can in the middle of a stage; the hand holds the can farther up."""
     folder, scene, motion = copy.deepcopy(planned)
     bodies = Scene(scene, folder)
@@ -179,5 +179,5 @@ def test_what_the_held_object_alone_meets_is_found(planned: tuple[Path, Data, Da
         rechecked(folder, scene, motion)
 
 
-def test_what_was_certified_is_not_refuted(planned: tuple[Path, Data, Data]) -> None:
+def test_certified_jobs_are_not_refuted(planned: tuple[Path, Data, Data]) -> None:
     assert rechecked(*planned) == pytest.approx(1e-3, abs=1e-4)

@@ -261,7 +261,7 @@ def test_a_joint_takes_the_turn_nearest_to_the_seed(load: Load) -> None:
         assert np.all((np.abs(found - seed) <= np.abs(turned - seed) + 1e-9) | ~inside)
 
 
-def test_what_has_no_closed_form_is_searched(load: Load) -> None:
+def test_arms_without_a_closed_form_are_searched(load: Load) -> None:
     planar, arm = load_robot("so100"), load("ur5")
     q = planar.draw(np.random.default_rng(0), 1)[0]
     assert closed_form(planar, goal(planar, q)) is None

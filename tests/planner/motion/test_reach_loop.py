@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(not library(), reason="built without a C compile
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda", "tiago", "baxter", "ur5"])
-def test_as_in_numpy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_loop_equals_numpy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     chain, rng = Chain.of(load_robot(RobotSpec(name)).model), np.random.default_rng(2)
     n = len(chain.axes)
     joints = rng.integers(0, n + 1, COUNT)
@@ -36,7 +36,7 @@ def test_as_in_numpy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_allclose(local, chain.local_reach(rho, joints, *at), rtol=1e-13, atol=1e-15)
 
 
-def test_what_is_not_a_number_proves_nothing() -> None:
+def test_nan_proves_nothing() -> None:
     chain = Chain.of(load_robot(RobotSpec("panda")).model)
     n, joints = len(chain.axes), np.array([len(chain.axes)])
     rho = chain.reach_around(joints, np.array([[0.1, -0.1, 0.1]]), np.zeros((n, 2)))

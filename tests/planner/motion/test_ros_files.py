@@ -341,7 +341,9 @@ def changed(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
         (lambda m: m["points"][1]["time_from_start"].update(secs=1), r"time_from_start: unknown key '(nano)?sec'"),
     ],
 )
-def test_what_is_no_trajectory_is_named(tmp_path: Path, change: Callable[[dict[str, Any]], object], words: str) -> None:
+def test_messages_that_are_not_trajectories_are_named(
+    tmp_path: Path, change: Callable[[dict[str, Any]], object], words: str
+) -> None:
     message = changed(change)
     for whole in (message, {"joint_trajectory": message}):
         (tmp_path / "m.yaml").write_text(yaml.safe_dump(whole))

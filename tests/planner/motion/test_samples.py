@@ -25,7 +25,7 @@ def motion(seed: int, held: int = 3, begins: float = 0.0) -> Trajectory:
 
 @pytest.mark.parametrize("held", [1, 2, 3])
 @pytest.mark.parametrize("seed", range(3))
-def test_it_is_the_curve_of_another_library(seed: int, held: int) -> None:
+def test_the_curve_equals_that_of_another_library(seed: int, held: int) -> None:
     given = motion(seed, held, begins=seed - 1.0)
     assert given.times is not None
     rows = [each for each in (given.positions, given.velocities, given.accelerations) if each is not None]

@@ -32,7 +32,7 @@ def motion(result: PlanResult, setup: Setup) -> ShownMotion:
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    """One for all pages: each begins anew."""
+    """One browser for all tests of pages, each with a new page."""
     program = find_browser()
     if program is None:
         pytest.skip("no browser found: apt-get install chromium")

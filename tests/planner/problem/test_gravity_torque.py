@@ -171,7 +171,7 @@ def test_without_torque_limits_there_is_no_such_term() -> None:
     assert "static torque" in dict(explain(problem)["trial evaluation"])
 
 
-def test_what_no_joint_can_hold_is_refused_as_an_end() -> None:
+def test_ends_that_gravity_overloads_are_refused() -> None:
     scene = _scene(12.0)
     with pytest.raises(InputError, match=r"goal: joint 'shoulder' needs a torque of 13\.7\d* to hold still"):
         plan(replace(scene, goal=JointTarget("goal", (0.0, 0.0))))

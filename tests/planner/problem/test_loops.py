@@ -54,7 +54,7 @@ def assert_same(one: Evaluation, other: Evaluation) -> None:
 
 
 @pytest.mark.sampled(2)
-def test_as_in_numpy(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_loop_equals_numpy(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     tried = motions(problem, 5)
     compiled = [problem.evaluate(positions, WEIGHT) for positions in tried]
     depths = [problem.depth(positions, np.linspace(0, 1, len(positions))) for positions in tried]

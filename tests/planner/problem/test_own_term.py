@@ -172,7 +172,7 @@ def test_smooth_expressions_are_taken(each: Any) -> None:
         ((lambda q, step: q, "constraint", 0.0, 1.0, -1.0), r"scale must be a positive number, found -1\.0"),
     ],
 )
-def test_what_is_no_term_is_refused(arguments: tuple[Any, ...], words: str) -> None:
+def test_invalid_terms_are_refused(arguments: tuple[Any, ...], words: str) -> None:
     with pytest.raises(InputError, match=f"term 'mine': {words}"):
         small().with_term(hdplan.OwnTerm("mine", *arguments))
 

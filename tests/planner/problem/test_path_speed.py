@@ -42,7 +42,7 @@ def test_a_limit_that_no_scene_may_give_is_none(huge: float) -> None:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_it_lies_between_the_slowest_joints_time_and_little_more(seed: int) -> None:
+def test_path_speed_lies_a_little_above_the_slowest_joints_time(seed: int) -> None:
     path_speed, motion = a_motion(seed)
     steps = np.diff(motion, axis=0)
     slowest = (np.abs(steps) * path_speed.shares).max(axis=1)
@@ -77,7 +77,7 @@ def test_gradient_and_hessian_three_ways(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_it_is_convex(seed: int) -> None:
+def test_path_speed_is_convex(seed: int) -> None:
     path_speed, motion = a_motion(seed)
     values = np.linalg.eigvalsh(whole_hessian(path_speed, motion))
     assert values[0] >= -1e-9 * values[-1]

@@ -210,7 +210,7 @@ def test_what_cannot_be_added_is_refused() -> None:
         program.guess(np.ones((7, 2)) * 1j)
 
 
-def test_what_outlives_its_program_says_so() -> None:
+def test_a_function_that_outlives_its_program_raises_an_error() -> None:
     """CasADi holds no function of Python: the error is its own, and no crash."""
     program = problem_of("planar_arm").casadi()
     cost, x = (

@@ -75,7 +75,7 @@ def moved(twist: ca.SX, rotation: ca.SX, origin: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_any_function_of_a_relative_placement(name: str) -> None:
+def test_second_order_holds_for_any_function_of_a_relative_placement(name: str) -> None:
     """Of two links of one branch, of two branches, or of a link and the world, in either order."""
     _, kinematics = robot(name)
     rng = np.random.default_rng(7)

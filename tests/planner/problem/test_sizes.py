@@ -70,15 +70,15 @@ def with_shapes(scene: Scene, shapes: dict[str, Shape]) -> Scene:
     [{}, {"moving": True}, {"normals": "faces"}, pytest.param({"swept": True}, marks=pytest.mark.slow)],
     ids=str,
 )
-def test_other_sizes_are_those_of_a_problem_built_anew(changes: dict[str, bool]) -> None:
+def test_other_sizes_equal_those_of_a_new_problem(changes: dict[str, bool]) -> None:
     """Value, gradient and Hessian, exact and Gauss-Newton's; with and without the derivatives by sizes."""
     problem, rng, seen = problem_of(**changes), np.random.default_rng(6), 0.0
     for exact, movable in ((True, True), (True, False), (False, True)):
         graph = graph_of(problem, exact, movable)
         for _ in range(2):
             shapes = {name: grown(shape, rng) for name, shape in SHAPES.items()}
-            anew, positions = build(with_shapes(problem.scene, shapes)), motion(problem, rng, 0.8)
-            expected = loops_at(anew, positions, exact)
+            rebuilt, positions = build(with_shapes(problem.scene, shapes)), motion(problem, rng, 0.8)
+            expected = loops_at(rebuilt, positions, exact)
             agreed(graph(positions.ravel(), SymbolicPenalty(problem, exact).values({}, shapes)), expected)
             seen = max(seen, expected[0])
     assert seen > 0.0
@@ -105,11 +105,11 @@ def test_generated_c_takes_other_sizes() -> None:
     compiled = RowFunction(ca.Function("sizes_in_c", given, [cost, ca.gradient(cost, program.x)]))
     for _ in range(3):
         shapes = {name: grown(shape, rng) for name, shape in SHAPES.items()}
-        anew, positions = build(with_shapes(program.problem.scene, shapes)), motion(program.problem, rng, 0.8)
+        rebuilt, positions = build(with_shapes(program.problem.scene, shapes)), motion(program.problem, rng, 0.8)
         positions[[0, -1]] = program.problem.start, program.problem.goal
         x, p = program.guess(positions), program.values(1e4, sizes=shapes)
         value, _ = compiled.once(x, p)
-        assert float(value[0]) == pytest.approx(anew.evaluate(positions, 1e4).cost, rel=1e-9)
+        assert float(value[0]) == pytest.approx(rebuilt.evaluate(positions, 1e4).cost, rel=1e-9)
 
 
 @pytest.mark.parametrize("changes", [{}, {"moving": True}, {"swept": True}], ids=str)
@@ -137,7 +137,7 @@ def test_derivatives_by_sizes_and_poses(changes: dict[str, bool]) -> None:
     assert checked >= 2
 
 
-def test_where_sizes_are_in_p() -> None:
+def test_parameters_of_sizes_are_found_by_name() -> None:
     program = problem_of(moving=True).casadi(form="symbolic")
     shapes: dict[str, Shape] = {"post": hdplan.Cylinder(0.2, 0.7), "beam": hdplan.Box([1, 2, 3])}
     p = program.values(2.0, sizes=shapes)
@@ -147,7 +147,7 @@ def test_where_sizes_are_in_p() -> None:
         assert program.pose_of(name).numel() == 12 * (len(program.problem.samples.weight) if name == "beam" else 1)
 
 
-def test_what_is_no_size_is_refused() -> None:
+def test_invalid_sizes_are_refused() -> None:
     program = problem_of().casadi(form="symbolic")
     ball = hdplan.Sphere(0.2)
     for sizes, message in (

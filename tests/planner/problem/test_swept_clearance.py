@@ -188,6 +188,6 @@ def test_explain_says_so(cage: Problem) -> None:
     assert dict(rows["settings"])["swept"] == "true (scene)"
 
 
-def test_what_it_cannot_do_is_refused() -> None:
+def test_unsupported_settings_of_swept_are_refused() -> None:
     with pytest.raises(InputError, match=r"planner\.swept: true needs planner\.distance hdsdf, found fcl"):
         build(swept("planar_arm", distance="fcl"))

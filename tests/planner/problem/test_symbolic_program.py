@@ -59,7 +59,7 @@ def test_every_shipped_scene(name: str) -> None:
     assert seen > 0.0 or name in ("empty", "pr2_shelf")
 
 
-def test_whoever_may_leave() -> None:
+def test_an_uncertain_obstacle_grows_with_time() -> None:
     """An obstacle grows with time where it stands and where it is moved, and is met in the last part of a motion."""
     scene = load_scene("panda_person")
     person = dataclasses.replace(scene.obstacles[1], pose=hdplan.Pose(position=(0.35, 0.75, 0.6)))
@@ -173,7 +173,7 @@ def test_no_function_of_it_calls_back() -> None:
     assert not_in_c(external.f) == ["penalty"]
 
 
-def test_it_is_kept_mapped_and_differentiated_again(tmp_path: Path) -> None:
+def test_a_saved_program_has_the_same_derivatives_and_maps(tmp_path: Path) -> None:
     """A program from a file has the same value, gradient and Hessian; two motions at once are each as alone."""
     program = problem_of("planar_arm").casadi(form="symbolic")
     cost = ca.Function("cost", [program.x, program.p], [program.f])
@@ -201,17 +201,17 @@ def turned(pose: Array, rng: np.random.Generator) -> Array:
 
 @pytest.mark.core
 @pytest.mark.parametrize("name", ["planar_arm", "panda_cage", "panda_vase"])
-def test_moved_obstacles_are_those_of_a_problem_built_anew(name: str) -> None:
+def test_moved_obstacles_equal_those_of_a_new_problem(name: str) -> None:
     problem, rng = problem_of(name), np.random.default_rng(8)
     graph, penalty = graph_of(problem), SymbolicPenalty(problem, exact=True)
     for _ in range(3):
         poses = {each.name: turned(each.pose.matrix, rng) for each in problem.scene.obstacles}
         quaternions = {key: Rotation.from_matrix(pose[:3, :3]).as_quat() for key, pose in poses.items()}
-        anew = tuple(
+        rebuilt = tuple(
             dataclasses.replace(each, pose=hdplan.Pose(poses[each.name][:3, 3], quaternions[each.name]))
             for each in problem.scene.obstacles
         )
-        moved = build(dataclasses.replace(problem.scene, obstacles=anew))
+        moved = build(dataclasses.replace(problem.scene, obstacles=rebuilt))
         positions = motion(problem, rng)
         for found, expected in zip(
             graph(positions.ravel(), penalty.values(poses)), loops_at(moved, positions), strict=True
@@ -264,12 +264,12 @@ def test_another_start_and_goal_share_the_graph() -> None:
     assert moved.f is program.f
     np.testing.assert_array_equal(moved.bounds["lbx"][: len(start)], start)
     np.testing.assert_array_equal(moved.bounds["ubg"][-len(goal) :], goal)
-    anew = dataclasses.replace(problem, start=start, goal=goal)
-    positions = motion(anew, rng)
+    rebuilt = dataclasses.replace(problem, start=start, goal=goal)
+    positions = motion(rebuilt, rng)
     positions[[0, -1]] = start, goal
     cost = ca.Function("cost", [program.x, program.p], [program.f])
     assert float(cost(moved.guess(positions), program.values(WEIGHT))) == pytest.approx(
-        anew.evaluate(positions, WEIGHT).cost, rel=ROUNDING
+        rebuilt.evaluate(positions, WEIGHT).cost, rel=ROUNDING
     )
     with pytest.raises(InputError, match="start: joint 'shoulder' is beyond its limits"):
         program.between([99.0, 0.0], goal)
@@ -370,7 +370,7 @@ def test_every_term_is_written_or_refused() -> None:
         problem.casadi(form="graph")
 
 
-def test_what_is_no_pose_is_refused() -> None:
+def test_values_that_are_not_a_pose_are_refused() -> None:
     program = problem_of("planar_arm").casadi(form="symbolic")
     name = program.problem.scene.obstacles[0].name
     with pytest.raises(InputError, match=r"poses: no obstacle is named 'nothing'"):

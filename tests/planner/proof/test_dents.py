@@ -188,7 +188,7 @@ def test_a_leak_is_the_only_way_out(lacking: int) -> None:
     assert not any(clear(found, others))
 
 
-def test_what_hangs_together_is_outside_as_a_whole_and_no_more() -> None:
+def test_a_connected_part_is_outside_as_a_whole() -> None:
     """Two parts of one body, one of them within a closed cube; and one long part."""
     cube = mesh(CUBE, FACES)
     apart = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [5, 0, 0], [5.1, 0, 0], [5, 0.1, 0]]

@@ -1,4 +1,4 @@
-"""Laws of what a proof has in the place of a mesh, and of what is parsed once: both are of the files' content alone."""
+"""Laws of the digests of meshes in a proof, and of files parsed once: both depend on the files' content alone."""
 
 from __future__ import annotations
 

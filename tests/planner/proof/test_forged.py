@@ -241,11 +241,11 @@ CASES: dict[str, Case] = {
     ),
     "a number with an underscore": (
         {"obstacles": at(0.05, 0, 0.95)}, {}, URDF.replace('"0 0 0.6"', '"0 0 0.6_0"'),
-        {}, {}, URDF, LIMITS, "'0.6_0' is no number", "'0.6_0' is no number",
+        {}, {}, URDF, LIMITS, "'0.6_0' is not a number", "'0.6_0' is not a number",
     ),
     "a number in other digits": (
         {"obstacles": at(0.05, 0, 0.95)}, {}, URDF.replace('"0 0 0.6"', '"0 0 &#1632;.6"'),
-        {}, {}, URDF, LIMITS, "is no number", "is no number",
+        {}, {}, URDF, LIMITS, "is not a number", "is not a number",
     ),
     "an obstacle elsewhere": (
         {"obstacles": at(0.3, 0, 0.95)}, {}, URDF, {}, {}, URDF,
@@ -359,7 +359,7 @@ def test_numbers_that_were_worked_out_may_differ_by_their_bounds_and_prove_nothi
             World(put(world, "joints", row, "off", to=wrong), {})
 
 
-def test_what_was_not_worked_out_has_no_slack(honest: Honest) -> None:
+def test_exact_numbers_of_a_world_allow_no_difference(honest: Honest) -> None:
     _, world, *_ = honest
     wide = put(put(world, "path", 0, "off", to=OFF), "tracks", 0, "off", to=OFF)
     tilt = world["path"][0]["tolerance"]  # a request's may be worked out
@@ -442,7 +442,7 @@ def test_a_joint_that_is_held_far_beyond_its_limits_is_refused(robot: Data, tmp_
 
 
 @pytest.mark.parametrize("claim", EVERY[1:])
-def test_what_is_not_claimed_is_missing_in_the_first_line(
+def test_a_claim_that_is_missing_is_named_in_the_first_line(
     claim: str, honest: Honest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """And the command's exit code says so."""

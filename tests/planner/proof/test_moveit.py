@@ -557,7 +557,7 @@ REFUSED: dict[str, tuple[str, str, Any, str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_read_is_named(case: str, tmp_path: Path) -> None:
+def test_unsupported_input_is_named(case: str, tmp_path: Path) -> None:
     which, path, value, words = REFUSED[case]
     given = files(tmp_path, **{which: put(GOOD[which], path, value)})
     with pytest.raises(RejectedError, match=words):
@@ -589,7 +589,7 @@ BOTH: dict[str, tuple[str, tuple[tuple[str, Any], ...], str]] = {
 
 
 @pytest.mark.parametrize("case", BOTH)
-def test_what_moveit_takes_otherwise_both_refuse(case: str, tmp_path: Path) -> None:
+def test_input_that_moveit_takes_differently_is_refused_by_both(case: str, tmp_path: Path) -> None:
     """MoveIt places what is given in a frame in an object's, if that has the name, and moves a base by `joint/x`."""
     which, changes, words = BOTH[case]
     content = GOOD[which]

@@ -131,7 +131,7 @@ def test_damaged_files_have_no_other_points(kind: str, tmp_path: Path) -> None:
     assert read
 
 
-def test_what_is_compressed_or_has_lists_is_not_read() -> None:
+def test_compressed_files_and_lists_are_not_read() -> None:
     rng = np.random.default_rng(0)
     packed = re.sub(rb"DATA \w+", b"DATA binary_compressed", pcd(rng))
     faces = ply(rng).replace(b"element face 0\n", b"element face 0\nproperty list uchar int vertex_indices\n")

@@ -73,7 +73,7 @@ def proven(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Proven]:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_what_is_certified_is_accepted_with_nearly_the_same_clearance(
+def test_certified_motions_are_accepted_with_nearly_the_same_clearance(
     name: str, proven: Callable[[str], Proven]
 ) -> None:
     each = proven(name)

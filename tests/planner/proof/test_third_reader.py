@@ -358,7 +358,7 @@ def same_limits(reading: Reading, third: Third, given: dict[str, dict[str, float
 REFUSED = {  # by the checker, or by Pinocchio, in these words
     "hector_description/robots/quadrotor_base.urdf": "a joint appears twice, or there is none",  # it flies
     "iris_description/robots/iris_simple.urdf": "a joint appears twice, or there is none",
-    "iris_description/robots/iris.urdf": "limit: '-1e\\+16' is no number",  # numbers of a world are below 1e9
+    "iris_description/robots/iris.urdf": "limit: '-1e\\+16' is not a number",  # numbers of a world are below 1e9
     "simple_humanoid_description/urdf/simple_humanoid.urdf": "<collision_checking> is not known",  # of capsules
     "ur_description/urdf/ur3.urdf": "does not contain a valid URDF model",  # macros
 }

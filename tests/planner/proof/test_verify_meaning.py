@@ -182,7 +182,7 @@ def test_rows_of_a_csv_file_end_where_every_reader_ends_them(between: str, tmp_p
 def test_numbers_of_a_urdf_stand_between_spaces_of_ascii(space: str, tmp_path: Path) -> None:
     assert URDF.count('xyz="0 0 0.3"')
     scene, motion = files(tmp_path, {}, MOTION, URDF.replace('xyz="0 0 0.3"', f'xyz="0 0{space}0.3"'))
-    with pytest.raises(RejectedError, match=r"numbers are expected|is no number"):
+    with pytest.raises(RejectedError, match=r"numbers are expected|is not a number"):
         read_world(scene, motion)
 
 
@@ -199,7 +199,7 @@ WHOLE = {
 
 
 @pytest.mark.parametrize("kind", WHOLE)
-def test_what_is_certified_is_proven_whole(kind: str, tmp_path: Path) -> None:
+def test_certified_motions_are_proven_in_full(kind: str, tmp_path: Path) -> None:
     two = files(tmp_path, WHOLE[kind][0], {**MOTION, **WHOLE[kind][1]})
     assert hdplan.prove(*two).text.startswith("accepted:")
 

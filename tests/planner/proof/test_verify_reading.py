@@ -164,7 +164,7 @@ def test_a_mobile_base_carries_the_robot(tmp_path: Path) -> None:
         ("hdplan: 1", "hdplan: 1\npayload: {mass: 1, mass: 2}", "appears twice"),
     ],
 )
-def test_what_hides_in_a_scene_is_refused(before: str, after: str, words: str, tmp_path: Path) -> None:
+def test_hidden_requirements_of_a_scene_are_refused(before: str, after: str, words: str, tmp_path: Path) -> None:
     scene = hdplan.Scene(
         robot=hdplan.RobotSpec(name="panda", locked={"panda_finger_joint1": 0.01}), start=HOME, goal=HOME
     )
@@ -227,7 +227,7 @@ def test_torques_of_masses_that_no_body_has_are_not_proven(
     ],
 )
 def test_a_named_state_of_two_values_or_none_is_refused(words: str) -> None:
-    with pytest.raises(RejectedError, match=r"appears twice|'None' is no number"):
+    with pytest.raises(RejectedError, match=r"appears twice|'None' is not a number"):
         Semantics(f"<robot>{words}</robot>".encode(), {"b": ("j", "a")}, ["a", "b"])
 
 

@@ -19,7 +19,7 @@ H, LEAD = 0.02, 3
 @pytest.mark.core
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(4))
-def test_they_keep_the_limits_from_whatever_came_before(seed: int) -> None:
+def test_failsafe_motions_keep_the_limits_from_any_state(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene = limited("planar_arm")
     limits = Setup.of(scene).limits

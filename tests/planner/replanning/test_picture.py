@@ -53,7 +53,7 @@ def test_each_kind_of_picture_takes_the_place_of_its_own_kind() -> None:
     assert set(seen.all) == names | {"box", "cloud"}
     assert (seen.all["box"].at, seen.all["ball"].at) == (2.0, 0.0)
     assert seen.all["box"].obstacle.pose.position == (2.5, 0.0, 0.0)
-    seen = seen.updated(3.0, [ball], None, None)  # one of the scene's, seen anew
+    seen = seen.updated(3.0, [ball], None, None)  # one of the scene's, seen again
     assert set(seen.all) == names | {"cloud"}
     assert seen.all["ball"].obstacle.pose.position == (0.0, 2.0, 0.0)
 

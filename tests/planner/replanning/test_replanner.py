@@ -174,7 +174,7 @@ def test_a_robot_that_is_off_its_motion_brakes_and_goes_on_from_where_it_stands(
 
 
 @pytest.mark.parametrize("turn", [lambda q: q % (2 * np.pi), lambda q: (q + np.pi) % (2 * np.pi) - np.pi])
-def test_encoders_of_joints_without_limits_may_begin_anew_with_each_turn(turn: Callable[[Array], Array]) -> None:
+def test_encoders_of_joints_without_limits_may_restart_with_each_turn(turn: Callable[[Array], Array]) -> None:
     ends = {"start": [3.0, 2.01, 3.54, 6.2, 0.81, -3.1], "goal": [3.3, 2.1, 3.5, 6.4, 0.85, -3.2]}
     drive = Drive(limited("kinova_shelf", obstacles=(), **ends))
     endless = drive.robot.endless

@@ -76,7 +76,7 @@ def test_a_base_drives_round_a_wall_and_the_arm_counts(tmp_path: Path) -> None:
     assert certify(load_scene(tmp_path / "wall.yaml"), result.trajectory).certified
 
 
-def test_what_a_base_cannot_be_is_refused(tmp_path: Path) -> None:
+def test_invalid_bases_are_refused(tmp_path: Path) -> None:
     scene = Scene(robot=RobotSpec(name="ur5", base_joints=BASE), start=[0.0] * 9, goal=[0.1] * 9)
     scene.save(tmp_path / "base.yaml")
     text = (tmp_path / "base.yaml").read_text()

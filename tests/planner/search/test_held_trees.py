@@ -53,7 +53,7 @@ def most_used(problem: Problem, q: Array) -> float:
 
 
 @pytest.mark.parametrize(("kind", "number"), REQUESTS)
-def test_what_they_find_leads_between_the_ends_and_is_certified_as_it_is(kind: str, number: int) -> None:
+def test_a_way_of_held_trees_joins_the_ends_and_is_certified(kind: str, number: int) -> None:
     problem, way = exact(kind, number), way_of(kind, number)
     np.testing.assert_array_equal(way[[0, -1]], [problem.start, problem.goal])
     motion = Trajectory(problem.robot.joint_names, way, problem.robot.locked)

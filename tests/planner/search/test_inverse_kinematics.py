@@ -100,7 +100,7 @@ def test_out_of_reach_nothing_is_found_and_the_miss_is_true(compiled: bool, monk
 
 
 @pytest.mark.parametrize(("name", "least"), [("panda", 6), ("ur5", 6), ("z1", 1)])
-def test_what_is_found_is_true_and_nearest_first(name: str, least: int) -> None:
+def test_configurations_found_reach_the_pose_nearest_first(name: str, least: int) -> None:
     """By Pinocchio's kinematics; whatever pose a random configuration has, one is found."""
     robot = load_robot(name)
     rng, counts = np.random.default_rng(3), []

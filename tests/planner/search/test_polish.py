@@ -45,7 +45,7 @@ def smoothness(result: PlanResult) -> float:
     return cost
 
 
-def test_where_time_counts_what_comes_of_the_first_motion_is_certified_alone() -> None:
+def test_where_time_counts_only_the_improved_first_motion_is_certified() -> None:
     events: list[Event] = []
     result = plan(polished(timed("panda_cage"), 1), report=events.append)
     first = plan(polished(timed("panda_cage"), 0))

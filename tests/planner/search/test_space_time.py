@@ -20,7 +20,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import DOUBLING_DEPTH, seeds
-from hdplan.planner.search.space_time import EDGE_STEPS, PENALTY_WEIGHT, STEPS, TimedRoadmap
+from hdplan.planner.search.space_time import EDGE_STEPS, PENALTY_WEIGHT, TIME_STEPS, TimedRoadmap
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
@@ -113,12 +113,12 @@ def test_time_never_goes_back_along_a_way(problem: Problem) -> None:
                 assert set(found.edges[move.edge]) == {node, move.node}
                 assert move.last - move.first in EDGE_STEPS
             node, step = move.node, move.last
-        assert (node, step) == (1, STEPS)
+        assert (node, step) == (1, TIME_STEPS)
         found.timed_way()
         found.grow()
 
 
-def test_moves_cost_what_is_met_at_their_times(problem: Problem) -> None:
+def test_the_cost_of_a_move_counts_obstacles_at_its_own_times(problem: Problem) -> None:
     """The penalty of a move is that of the motion at its own configurations and times, but for interpolation."""
     found = roadmap(problem, 1)
     found.timed_way()
@@ -128,10 +128,10 @@ def test_moves_cost_what_is_met_at_their_times(problem: Problem) -> None:
     penalties, rng, compared = found._penalties(edges), np.random.default_rng(0), []
     for row, edge in enumerate(edges.tolist()):
         way, take = int(rng.integers(2)), int(rng.integers(len(EDGE_STEPS)))
-        step = int(rng.integers(STEPS - EDGE_STEPS[take] + 1))
+        step = int(rng.integers(TIME_STEPS - EDGE_STEPS[take] + 1))
         first, last = found.nodes[found.edges[edge][:: 1 - 2 * way]]
         along = (np.arange(200) + 0.5) / 200
-        depth = problem.depth(first + along[:, None] * (last - first), (step + along * EDGE_STEPS[take]) / STEPS)
+        depth = problem.depth(first + along[:, None] * (last - first), (step + along * EDGE_STEPS[take]) / TIME_STEPS)
         compared.append((float(np.mean(depth**2)), float(penalties[row, way, step, take]) * DOUBLING_DEPTH**2))
     exact, estimated = np.array(compared).T
     assert np.count_nonzero(exact > 1e-4) > 5  # the gate is met at all
@@ -161,7 +161,7 @@ def test_the_first_way_costs_the_same_backwards_in_time(gate: Scene, problem: Pr
         edges = np.arange(len(found.edges))
         found.penalties = found._penalties(edges)
         edge_costs, cost = found._edge_costs(edges), 0.0
-        stay = PENALTY_WEIGHT / STEPS * (found.waits[:, 1:] + found.waits[:, :-1]) / 2
+        stay = PENALTY_WEIGHT / TIME_STEPS * (found.waits[:, 1:] + found.waits[:, :-1]) / 2
         for move in found._cheapest(edge_costs):
             if move.edge is None:
                 cost += stay[move.node, move.first]
@@ -194,7 +194,7 @@ def test_where_hurrying_is_the_only_way_the_motion_hurries(gate: Scene) -> None:
     assert np.all(side[times > 3.0] < 0.0)  # from when the gate is shut
 
 
-def test_what_is_held_waits_too(gate: Scene) -> None:
+def test_a_held_object_waits_with_the_robot(gate: Scene) -> None:
     held = Attached("rod", "panda_hand", Cylinder(0.02, 0.4), Pose((0.0, 0.0, 0.14), ACROSS))
     touching = dataclasses.replace(held, touch_links=("panda_leftfinger", "panda_rightfinger"))
     scene = dataclasses.replace(gate, attached=(touching,))

@@ -76,7 +76,7 @@ def test_the_first_guesses_are_as_ever_then_trees_grow_in_turn(overlap: bool, mo
 
 
 @pytest.mark.parametrize("status", [Status.TOO_FAST, Status.OFF_PATH, Status.OVERLOADED])
-def test_what_fails_by_something_else_goes_on_as_it_was(status: Status, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_failures_do_not_start_a_tight_search(status: Status, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trying, "ends_overlap", lambda problem: True)
     under_way = search(load_scene("panda_corridor"))
     problem, guesses = under_way.problem, _guesses(under_way, 0, None, IdleCore(math.inf))
@@ -93,7 +93,7 @@ def test_another_distance_that_was_requested_stays(settings: dict[str, Any]) -> 
     assert exactly(problem) is problem
 
 
-def test_what_is_laid_out_anew_stays_exact() -> None:
+def test_a_reassembled_problem_stays_exact() -> None:
     problem = exactly(build(load_scene("panda_cage")))
     near = closer(problem, 0.01, quick=False)
     assert near.exact

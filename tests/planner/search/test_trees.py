@@ -39,7 +39,7 @@ def space_of(problem: Problem, required: float = 0.0) -> Record:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_what_the_trees_find_is_certified_as_it_is(name: str) -> None:
+def test_ways_of_trees_are_certified_unchanged(name: str) -> None:
     problem = exact(name)
     way = next(found for found in tree_ways(problem, 0.0, 3) if found is not None)
     np.testing.assert_array_equal(way[[0, -1]], [problem.start, problem.goal])

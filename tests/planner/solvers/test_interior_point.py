@@ -15,7 +15,7 @@ from hdplan.planner.plan import plan
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.terms import MotionPenalty, Term
 from hdplan.planner.solvers import solve
-from hdplan.planner.solvers.interior_point import STEPS
+from hdplan.planner.solvers.interior_point import RUN_STEPS
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, Budget, Solution, SolverStatus
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -97,7 +97,7 @@ def test_a_run_takes_few_evaluations(cage: Problem, solver: str) -> None:
     watched = Watched(nothing)
     solution = solve(cage.with_term(watched), solver=solver, budget=Budget(iterations=1, first_weight=FIRST_WEIGHT))
     assert len(solution.steps) == 1
-    assert STEPS <= watched.count <= 3 * STEPS
+    assert RUN_STEPS <= watched.count <= 3 * RUN_STEPS
 
 
 @pytest.mark.sampled(3)

@@ -563,7 +563,7 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process() -> None:
     assert int(messages[0].split()[1]) > 1, "random guesses were among them"
 
 
-def test_what_was_planned_before_leaves_no_trace() -> None:
+def test_an_earlier_plan_leaves_no_trace() -> None:
     """What a process keeps of a robot is the same for every scene."""
     scene = shipped("panda_corridor")
     first = hdplan.plan(scene)

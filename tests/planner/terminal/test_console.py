@@ -136,7 +136,7 @@ def test_counts_add_up_and_an_estimate_waits(errors: io.StringIO, monkeypatch: p
 
 
 @pytest.mark.usefixtures("long_at_once")
-def test_nobody_reading_is_no_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_closed_reader_is_not_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     tried = threading.Event()
 
     class Gone(io.StringIO):

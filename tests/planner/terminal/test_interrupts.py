@@ -69,7 +69,7 @@ def work_on(seconds: float = SOON) -> None:
 
 @pytest.mark.parametrize("number", ENDS)
 @pytest.mark.parametrize("lose", LOSSES)
-def test_a_lost_wish_to_end_comes_again_and_nothing_is_printed(
+def test_a_lost_ctrl_c_is_raised_again_and_nothing_is_printed(
     lose: Callable[[int], None], number: signal.Signals, capfd: pytest.CaptureFixture[str]
 ) -> None:
     def command() -> None:
@@ -85,7 +85,7 @@ def test_a_lost_wish_to_end_comes_again_and_nothing_is_printed(
 
 
 @pytest.mark.parametrize("lose", LOSSES)
-def test_it_comes_again_as_often_as_it_is_lost(lose: Callable[[int], None]) -> None:
+def test_a_lost_ctrl_c_is_raised_again(lose: Callable[[int], None]) -> None:
     lost = []
 
     def swallow() -> None:
@@ -106,7 +106,7 @@ def test_it_comes_again_as_often_as_it_is_lost(lose: Callable[[int], None]) -> N
 
 
 @pytest.mark.parametrize("number", ENDS)
-def test_what_tidies_up_is_left_alone(number: signal.Signals) -> None:
+def test_cleanup_is_not_interrupted(number: signal.Signals) -> None:
     """However deep it lies, and whatever errors it meets itself."""
     done = []
 
@@ -140,7 +140,7 @@ def test_an_error_that_a_library_makes_of_it_is_ctrl_c() -> None:
         raise RuntimeError  # without a signal
 
 
-def test_who_waits_for_ctrl_c_hears_it_once() -> None:
+def test_a_wait_for_ctrl_c_ends_with_the_first_one() -> None:
     with ended_by_signals():
         with until_ctrl_c():
             in_a_destructor(signal.SIGINT)
@@ -183,7 +183,7 @@ def test_a_note_taken_during_an_interior_point_run_outlives_it() -> None:
             signal.raise_signal(signal.SIGINT)
 
 
-def test_all_is_as_before_afterwards() -> None:
+def test_signal_handlers_are_restored() -> None:
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
     before = [*map(signal.getsignal, numbers), sys.unraisablehook]
     with ended_by_signals():

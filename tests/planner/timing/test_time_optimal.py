@@ -73,7 +73,7 @@ def as_torques(rng: np.random.Generator, spline: PathSpline) -> PathRows:
     return PathRows.both(spline(grid(), 1) @ mass, spline(grid(), 2) @ mass, gravity, limit)
 
 
-def test_it_is_toppras_law_within_the_limits() -> None:
+def test_the_time_law_equals_toppras_within_the_limits() -> None:
     rng = np.random.default_rng(17)
     for trial in range(30):
         spline = any_path(rng, trial)

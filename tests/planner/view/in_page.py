@@ -103,7 +103,7 @@ def heard(page: Any, viewer: Viewer) -> None:
 
 def look(page: Any, viewer: Viewer, eye: tuple[float, float, float], target: tuple[float, float, float]) -> None:
     """Let every page look from one point at another, and wait until this one does and its server knows: one that hears
-    late how wide a page's picture is frames the scene anew."""
+    late how wide a page's picture is frames the scene again."""
     clients = viewer.server.get_clients
     until(lambda: clients() and clients().keys() <= viewer.panel.looking._set.keys(), "the page is not framed")
 

@@ -72,7 +72,7 @@ def test_a_box_hides_what_the_way_to_it_crosses(seed: int) -> None:
         np.testing.assert_allclose(boxes.lowest()[index], corners[:, 2].min())
 
 
-def test_it_looks_past_a_wall() -> None:
+def test_the_camera_looks_past_a_wall() -> None:
     """A wall stands at the usual place of the camera; beside it nothing is hidden, and from behind it is
     transparent."""
     points = np.random.default_rng(1).uniform(-0.3, 0.3, (40, 3)) + [0.0, 0.0, 0.5]

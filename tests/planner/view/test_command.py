@@ -55,8 +55,11 @@ def test_a_missing_viser_is_reported_in_one_line(
         "no film": (["planar_arm", "--video", "film.gif"], "no motion to record"),
         "ending of a film": (["planar_arm", "m.json", "--video", "film.avi"], "allowed are .mp4, .gif"),
         "folder": (["planar_arm", "m.json", "--video", "none/film.gif"], "none"),
-        "both": (["planar_arm", "m.json", "--proof", "p.proof", "--record", "p.html"], "--proof: is for the viewer"),
-        "no server": (["planar_arm", "m.json", "--video", "f.gif", "--port", "8081"], "--port: is for the viewer"),
+        "both": (
+            ["planar_arm", "m.json", "--proof", "p.proof", "--record", "p.html"],
+            "--proof: applies to",
+        ),
+        "no server": (["planar_arm", "m.json", "--video", "f.gif", "--port", "8081"], "--port: applies to the viewer"),
     }.values(),
 )
 def test_bad_input_is_one_line(

@@ -73,7 +73,9 @@ def moved(x: float) -> Callable[[Edited], Edited]:
     return edit
 
 
-def test_whatever_is_done_in_any_order_is_true(scene: Scene, trajectory: Trajectory, hall: Hall) -> None:
+def test_random_edits_in_any_order_keep_the_document_consistent(
+    scene: Scene, trajectory: Trajectory, hall: Hall
+) -> None:
     rng = np.random.default_rng(7)
     document = Document(Edited.of(Setup.of(scene)), hall)
     document.put("plan 0", trajectory)
@@ -146,7 +148,9 @@ def test_earlier_scenes_keep_no_certifiers(document: Document) -> None:
     assert_true(document)
 
 
-def test_what_leaves_the_active_motion_is_reported(document: Document, hall: Hall, trajectory: Trajectory) -> None:
+def test_a_change_of_the_active_motion_is_reported_first(
+    document: Document, hall: Hall, trajectory: Trajectory
+) -> None:
     """Before anything is shown of it: what is planned from the old one would take its place."""
     acts: list[Callable[[], object]] = [
         lambda: document.put("another", trajectory),

@@ -41,7 +41,7 @@ def place(viewer: Viewer, thing: Thing) -> Pose:
 
 
 @pytest.mark.parametrize(("name", "thing"), [("panda_cage", START), ("panda_grasp", GOAL)])
-def test_what_is_typed_holds_and_is_undone(opened: Opener, name: str, thing: Thing) -> None:
+def test_typed_values_hold_and_are_undone(opened: Opener, name: str, thing: Thing) -> None:
     """Of joint values that follow the tip, and of a goal pose, which keeps what it leaves free."""
     viewer = opened(load_scene(name))
     by_worker(viewer, lambda: viewer.panel.handles.select(thing))
@@ -68,7 +68,7 @@ def test_what_is_typed_holds_and_is_undone(opened: Opener, name: str, thing: Thi
         by_worker(viewer, viewer.document.undo)
 
 
-def test_what_the_tip_cannot_reach_is_refused(opened: Opener) -> None:
+def test_poses_out_of_the_tips_reach_are_refused(opened: Opener) -> None:
     viewer = opened(load_scene("panda_cage"))
     by_worker(viewer, lambda: viewer.panel.handles.select(START))
     before = viewer.edited

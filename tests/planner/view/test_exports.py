@@ -1,4 +1,4 @@
-"""Laws of the panel's exports: files of what was shown at the click, certified anew, by mouse in a real browser; their
+"""Laws of the panel's exports: files of what was shown at the click, certified again, by mouse in a real browser; their
 verdicts never belong to another scene."""
 
 from __future__ import annotations

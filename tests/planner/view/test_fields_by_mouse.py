@@ -120,7 +120,7 @@ def test_a_speed_without_times_is_refused_in_a_line(opened: Opened, scene: Scene
 
 
 def test_an_obstacle_is_renamed_while_it_is_dragged(opened: Opened, tab: Tabs, scene: Scene) -> None:
-    """In another tab, as one mouse cannot do both: the drag goes on with what is there."""
+    """In another tab, as one mouse cannot do both: the drag continues with the renamed obstacle."""
     page, viewer = opened(scene)
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
     other = tab(address(viewer))

@@ -164,7 +164,7 @@ def test_the_page_itself_may_change_everything(viewer: Viewer) -> None:
     until(lambda: not viewer.server.get_clients(), "it does not leave")
 
 
-def test_who_watches_sees_everything_and_changes_nothing(viewer: Viewer) -> None:
+def test_a_watching_browser_sees_everything_and_changes_nothing(viewer: Viewer) -> None:
     """Of all messages that a page sends, only its camera and its colour scheme pass."""
     gui = viewer.server.gui._gui_input_handle_from_uuid
     slider = viewer.panel.player.slider._impl.uuid

@@ -152,9 +152,7 @@ def test_what_a_browser_may_send_is_taken_whole_or_refused_in_a_line(viewer: Vie
     assert taken > 10
 
 
-def test_what_is_typed_while_the_panel_is_written_anew_is_not_lost(
-    viewer: Viewer, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_typed_text_survives_an_update_of_the_panel(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
     """Though viser's own threads are all busy; nor what the page sends twice."""
     by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
     gui, handle, calls, free = viewer.server.gui, field(viewer, "clearance [m]"), list[object](), threading.Event()
@@ -258,7 +256,7 @@ def test_of_a_value_that_is_refused_nothing_stays_that_was_typed_before(
 
 
 @pytest.mark.usefixtures("unhurried")
-def test_what_was_taken_of_another_value_stays_where_one_is_refused(viewer: Viewer) -> None:
+def test_a_refused_value_keeps_the_last_accepted_one(viewer: Viewer) -> None:
     """A number that is stepped down to nothing, or typed after a rest; an exponent takes its beginning back."""
     by_worker(viewer, lambda: viewer.panel.obstacles.add("sphere"))
     handle, first = field(viewer, "radius [m]"), selected(viewer).shape

@@ -60,8 +60,8 @@ def says_the_truth(page: Any, viewer: Viewer) -> None:
 
 
 @pytest.mark.parametrize("by", ["delete", "z", "reset"])
-def test_what_is_dragged_is_taken_away(tab: Tabs, viewer: Viewer, by: str) -> None:
-    """By another tab, or by the other hand at the keyboard; the first goes on pulling, and lets go late."""
+def test_an_obstacle_is_removed_during_its_drag(tab: Tabs, viewer: Viewer, by: str) -> None:
+    """By another tab, or by the other hand at the keyboard; the first keeps pulling, and lets go late."""
     page, first = tab(address(viewer)), viewer.edited
     dragging(page, viewer)
     if by == "z":
@@ -90,7 +90,7 @@ def test_what_is_dragged_is_taken_away(tab: Tabs, viewer: Viewer, by: str) -> No
     says_the_truth(page, viewer)
 
 
-def test_who_watches_can_press_nothing(tab: Tabs, viewer: Viewer) -> None:
+def test_a_watching_browser_cannot_press_buttons(tab: Tabs, viewer: Viewer) -> None:
     page, before = tab(viewer.address(watch=True)), viewer.edited
     assert f"/{WATCH}/" in page.url
     page.get_by_text(WATCHING).wait_for()

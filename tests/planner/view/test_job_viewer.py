@@ -77,7 +77,7 @@ def says(viewer: JobViewer) -> str:
     return "good" if "hd-badge hd-good" in words else "bad" if "hd-badge hd-bad" in words else "nothing"
 
 
-def test_what_is_shown_follows_the_stages(opened: Open, scene: Scene, planned: JobResult) -> None:
+def test_the_shown_scene_follows_the_stages(opened: Open, scene: Scene, planned: JobResult) -> None:
     viewer = opened(scene, planned.trajectory)
     assert says(viewer) == "good"
     nodes = {node.obstacle.name: node for node in viewer.obstacles}
@@ -279,7 +279,7 @@ def test_what_is_saved_is_read_again_and_certified(
 
 
 def test_by_mouse_a_job_is_planned_and_a_stage_is_gone_to(browser: Any, tab: Any) -> None:
-    """The Plan button plans it, and a click on a stage leads to where it begins, also if its line is written anew
+    """The Plan button plans it, and a click on a stage leads to where it begins, also if its line is rewritten
     meanwhile."""
     from tests.planner.view.in_browser import press
 

@@ -103,7 +103,7 @@ def test_obstacles_are_hidden_locked_duplicated_and_deleted(tab: Tabs, viewer: V
     tab_of(page, "Scene")
 
     def use(word: str) -> None:
-        """A click, or the tab key's focus and enter; the list is written anew with each."""
+        """A click, or the tab key's focus and enter; each rewrites the list."""
         link = line(page, "ball").get_by_role("button", name=word, exact=True).first
         if by == "mouse":
             link.dispatch_event("click")

@@ -125,7 +125,7 @@ def test_the_newest_scene_is_planned_and_those_between_are_dropped(
 
 
 @pytest.mark.parametrize("drags", [15, pytest.param(40, marks=pytest.mark.slow)])
-def test_whatever_is_dragged_live_is_true(drags: int, viewer: Viewer) -> None:
+def test_verdicts_stay_true_during_live_drags(drags: int, viewer: Viewer) -> None:
     """At random, without waiting: each verdict on a motion is about the scene that it names."""
     rng = np.random.default_rng(3)
     for _ in range(drags):

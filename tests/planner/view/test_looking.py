@@ -99,7 +99,7 @@ def test_a_body_before_the_handle_lets_the_mouse_through(opened: Opener, scene: 
         assert any(ghosts())
 
 
-def test_a_window_is_framed_anew_until_its_camera_is_moved(
+def test_a_window_is_reframed_until_its_camera_is_moved(
     opened: Opener, scene: Scene, trajectory: Trajectory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also where a slow browser comes back to the first view, after it was turned to its own."""

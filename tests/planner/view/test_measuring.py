@@ -57,7 +57,7 @@ def clicked(viewer: Viewer, at: tuple[float, float]) -> None:
     assert viewer.worker.settle(20)
 
 
-def test_two_clicks_measure_and_a_third_begins_anew(opened: Opener, scene: Scene) -> None:
+def test_two_clicks_measure_and_a_third_starts_over(opened: Opener, scene: Scene) -> None:
     boxes = [hdplan.Box([0.2, 0.2, height], name=f"at {height}", pose=[x, 3.0, 0.0]) for x, height in ((2, 1), (3, 2))]
     viewer = opened(derived(scene, obstacles=(*scene.obstacles, *boxes)))
     measuring = viewer.panel.measuring

@@ -31,7 +31,7 @@ def test_only_the_first_and_the_newest_are_worked_on() -> None:
     assert done == [0, 8]
 
 
-def test_what_is_given_up_is_notified_and_what_comes_after_is_not() -> None:
+def test_work_given_up_is_notified_and_later_work_is_not() -> None:
     begun = threading.Event()
     given_up: list[int] = []
 

@@ -70,7 +70,7 @@ def test_an_exponent_is_refused_in_words(viewer: Viewer) -> None:
     assert viewer.edited is before
 
 
-def test_words_of_a_file_go_with_what_it_was_about(viewer: Viewer) -> None:
+def test_a_message_about_a_file_disappears_with_its_motion(viewer: Viewer) -> None:
     saving = viewer.panel.saving
     by_worker(viewer, saving.motion_file)
     assert "saved: certified" in saving._text.content

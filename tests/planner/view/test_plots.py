@@ -142,7 +142,7 @@ def test_all_plots_are_zoomed_together_and_a_click_stays_a_moment(
 def test_a_drag_in_a_plot_zooms_and_the_mouse_reads_values(tab: Tabs, served: Viewer) -> None:
     page = tab(address(served))
     page.get_by_text("certified: at least").first.wait_for()
-    calm(served)  # the plots have their curves, for which they are made anew
+    calm(served)  # the plots have their curves, for which they are rebuilt
     drawn(page)
     over, legend, plots = page.locator(".u-over").first, page.locator(".u-legend").first, served.panel._plots
 

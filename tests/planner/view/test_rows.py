@@ -111,7 +111,7 @@ def test_a_click_in_a_plot_goes_to_that_moment(viewer: Viewer, share: float) -> 
     assert viewer.panel.player.time == pytest.approx(share, abs=1e-3)
 
 
-def test_what_no_page_tells_changes_nothing(viewer: Viewer) -> None:
+def test_invalid_messages_of_a_page_change_nothing(viewer: Viewer) -> None:
     """Seeded nonsense: no error, no motion gone (the fixture checks the console)."""
     rng = np.random.default_rng(0)
     words = ["choose", "hide", "rename", "closest", "seek", "theme", "", "quit", None, 3, [], {}]

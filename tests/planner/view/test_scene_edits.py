@@ -50,7 +50,7 @@ def test_every_shape_of_the_format_can_be_added() -> None:
     assert all(isinstance(shape, CLASSES[word]) for word, shape in scene_edits.NEW.items())
 
 
-def test_what_is_added_is_free_and_saved_with_the_scene(edited: Edited, tmp_path: Path) -> None:
+def test_added_obstacles_are_free_and_saved_with_the_scene(edited: Edited, tmp_path: Path) -> None:
     now = edited
     shapes = [*scene_edits.NEW.items(), ("hook", Mesh(shipped_scenes()["panda_vase"].parent / "hook.obj", 0.2))]
     for word, shape in [*shapes, *shapes]:

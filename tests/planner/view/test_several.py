@@ -55,7 +55,7 @@ def names(viewer: Viewer) -> set[str]:
     return {each.name for each in viewer.scene.obstacles}
 
 
-def test_what_is_selected_together_keeps_its_places_while_it_is_dragged(viewer: Viewer) -> None:
+def test_obstacles_selected_together_keep_their_relative_places_in_a_drag(viewer: Viewer) -> None:
     """Through any poses, in one step; what is not selected stays."""
     rng = np.random.default_rng(3)
     every = ("shelf/low", "far", "shelf/high")
@@ -115,7 +115,7 @@ def test_a_group_is_hidden_and_locked_as_one(viewer: Viewer) -> None:
     assert "&emsp;" not in viewer.panel.tree.content
 
 
-def test_what_is_hidden_stays_so_under_another_name(viewer: Viewer) -> None:
+def test_hidden_obstacles_stay_hidden_under_a_new_name(viewer: Viewer) -> None:
     """Of a group that is renamed, or left, and back by undo; what others are called then is shown."""
 
     def hidden() -> list[str]:

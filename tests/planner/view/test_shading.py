@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.view.drawing.shading import DARKEST, LIGHTEST, STEP, luma_of, shade, two_toned
+from hdplan.planner.view.drawing.shading import DARKEST, LIGHTEST, LUMA_STEP, luma_of, shade, two_toned
 from hdplan.planner.view.drawing.skins import visual_skins
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -26,7 +26,7 @@ def test_colours_are_neither_white_nor_black_and_keep_their_hue(seed: int) -> No
         if max(shaded) - min(shaded) > 12:  # hardly any hue is lost in grey
             turn = colorsys.rgb_to_hsv(*shaded)[0] - colorsys.rgb_to_hsv(red, green, blue)[0]
             assert abs((turn + 0.5) % 1.0 - 0.5) < 0.03
-    assert luma_of(lighter) - luma_of(darker) == pytest.approx(STEP, abs=2 * ROUNDED)
+    assert luma_of(lighter) - luma_of(darker) == pytest.approx(LUMA_STEP, abs=2 * ROUNDED)
 
 
 def test_the_lighter_stays_the_lighter() -> None:

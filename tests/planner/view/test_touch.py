@@ -54,7 +54,7 @@ def test_a_finger_drags_above_the_sheet(served: Viewer, tab: Any) -> None:
         boxes: list[Any] = []
 
         def stands(sheet: Any = sheet, width: int = width, boxes: list[Any] = boxes) -> bool:
-            """True once the sheet, which the page may just be making anew, is below the whole scene."""
+            """True once the sheet, which the page may be rebuilding, is below the whole scene."""
             of = "e => e.closest('[style*=absolute], [style*=fixed]').getBoundingClientRect().toJSON()"
             boxes.append(sheet.evaluate(of))
             return (boxes[-1]["width"], boxes[-1]["bottom"]) == (width, NARROW["height"])

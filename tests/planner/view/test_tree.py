@@ -50,12 +50,12 @@ def ball_of(viewer: Viewer) -> Any:
     return obstacle_of(viewer.edited, BALL)
 
 
-def test_what_is_hidden_still_counts(viewer: Viewer) -> None:
+def test_hidden_obstacles_still_count(viewer: Viewer) -> None:
     """It is not drawn, its line says so, and a motion through it fails as before."""
     tell(viewer, do="eye thing", kind="obstacle", name="ball")
     node = next(each for each in viewer.stage.obstacles if each.obstacle.name == "ball")
     assert not node.frame.visible
-    assert "hidden, kept clear of" in viewer.panel.tree.content
+    assert "hidden, still avoided" in viewer.panel.tree.content
     active = viewer.motions.active
     assert active is not None
     at = active.motion.tip[len(active.motion.tip) // 2]
@@ -69,7 +69,7 @@ def test_what_is_hidden_still_counts(viewer: Viewer) -> None:
     assert node.frame.visible
 
 
-def test_what_is_locked_stays(viewer: Viewer) -> None:
+def test_locked_obstacles_stay(viewer: Viewer) -> None:
     """It is neither dragged, edited, deleted nor renamed; everything else is."""
     first = ball_of(viewer)
     tell(viewer, do="select thing", kind="obstacle", name="ball")
@@ -108,7 +108,7 @@ def test_pages_may_tell_anything(viewer: Viewer) -> None:
 
 
 @pytest.mark.parametrize("name", ["planar_arm", "panda_gate", "panda_vase", "panda_person", "ur5_pallet"])
-def test_what_is_copied_is_pasted_as_it_was(name: str) -> None:
+def test_copied_obstacles_are_pasted_unchanged(name: str) -> None:
     uploads = Uploads()
     obstacles = load_scene(name).obstacles
     text = "\n".join(map(obstacle_text, obstacles))

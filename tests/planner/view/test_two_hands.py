@@ -58,7 +58,7 @@ def names(viewer: Viewer) -> list[str]:
     return [obstacle.name for obstacle in viewer.scene.obstacles]
 
 
-def test_what_is_deleted_while_it_is_dragged_is_neither_selected_nor_dragged(viewer: Viewer) -> None:
+def test_a_deleted_obstacle_is_neither_selected_nor_dragged(viewer: Viewer) -> None:
     handle = viewer.panel.handles._handle
     pulled(viewer, handle, (-0.02, 0.0, 0.0))
     assert viewer.panel.handles.dragging
@@ -77,7 +77,7 @@ def test_what_is_deleted_while_it_is_dragged_is_neither_selected_nor_dragged(vie
     assert_true(viewer)
 
 
-def test_the_addition_of_what_is_dragged_is_undone(viewer: Viewer) -> None:
+def test_an_added_obstacle_can_be_undone_during_its_drag(viewer: Viewer) -> None:
     first = viewer.scene
     by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
     handle = viewer.panel.handles._handle
@@ -170,7 +170,7 @@ def test_what_was_typed_for_one_thing_does_not_change_another(viewer: Viewer) ->
 
     by_worker(viewer, busy)
     assert viewer.scene is before
-    assert "another thing is selected" in panel.editing.text
+    assert "the selection has changed" in panel.editing.text
 
 
 def test_a_worker_that_fails_says_so_and_shows_no_verdict(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
@@ -202,7 +202,9 @@ def test_a_change_that_fails_half_way_shows_no_verdict(viewer: Viewer, monkeypat
     assert calls
 
 
-def test_whatever_two_hands_do_is_true(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
+def test_random_actions_of_two_users_keep_the_viewer_consistent(
+    opened: Opener, scene: Scene, trajectory: Trajectory
+) -> None:
     """At random: handles old and new are pulled, things selected, added, deleted, renamed, undone, redone and reset."""
     rng = np.random.default_rng(38)
     viewer = opened(scene, live=True, planned=trajectory)

@@ -338,7 +338,7 @@ def test_a_path_without_times_is_refused_where_obstacles_move(drifting: Scene, t
         open_viewer(drifting, [("found", trajectory)], port=8180)
 
 
-def test_it_listens_on_this_machine_alone_and_takes_the_next_free_port(opened: Opener, scene: Scene) -> None:
+def test_the_viewer_listens_on_this_machine_alone_at_the_next_free_port(opened: Opener, scene: Scene) -> None:
     first, second = opened(scene), opened(scene)
     assert first.port != second.port
     with socket.create_connection(("127.0.0.1", second.port), timeout=5):
@@ -408,7 +408,7 @@ def test_an_obstacle_dragged_into_the_arm_takes_the_verdict_with_it(
     assert assert_true(viewer, tmp_path) == "certified"
 
 
-def test_whatever_is_dragged_planned_and_saved_in_whatever_order_is_true(
+def test_verdicts_stay_true_in_any_order_of_drags_plans_and_saves(
     opened: Opener, drifting: Scene, timed: Trajectory, tmp_path: Path
 ) -> None:
     """At random: obstacles that stand and that move, and the goal; let go or not; planned, also while it is dragged."""

@@ -91,7 +91,7 @@ def test_a_scene_is_followed_whole_or_not_at_all(viewer: Viewer, files: tuple[Pa
 
 
 def test_no_change_after_the_first_reading_is_missed(tmp_path: Path) -> None:
-    """Not before the first look, not of what is named anew, and neither of what goes and comes back."""
+    """Neither before the first look, nor of a renamed file, nor of one that goes and comes back."""
     scene, mesh, counts = tmp_path / "scene", tmp_path / "mesh", []
 
     def looked() -> int:

@@ -116,7 +116,7 @@ def test_a_free_axis_and_a_box_are_taken_with_a_note(tmp_path: Path) -> None:
     assert "allows up to 0.3 rad about one axis; 0.1 rad is used about all" in ball
 
 
-def test_what_comes_of_a_request_is_written_and_read(tmp_path: Path) -> None:
+def test_scenes_from_requests_are_written_and_read(tmp_path: Path) -> None:
     goal = {"position_constraints": [BALL], "orientation_constraints": [turn(DOWN, 0.1, 0.1, 4)]}
     path = {"orientation_constraints": [turn(DOWN, 0.1, 0.1, 4)], "position_constraints": [BOX]}
     scene = request(tmp_path, goal, path)

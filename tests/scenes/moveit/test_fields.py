@@ -275,7 +275,7 @@ RUBBISH = {"rubbish": ["rubbish", {"more": 1}]}
 FILLED = {"string": "word", "float64": 0.37, "int32": 3, "bool": True, "float64[]": [0.1] * 7, "int8[]": [1, 2]}
 
 
-def test_what_is_noted_is_noted_what_is_refused_is_refused(tmp_path: Path, problem: dict[str, dict[str, Any]]) -> None:
+def test_every_unused_field_is_noted_or_refused_by_its_key(tmp_path: Path, problem: dict[str, dict[str, Any]]) -> None:
     """By its whole key, once it has a value; an empty one has no meaning."""
     quiet = load(problem, tmp_path)
     checked = 0

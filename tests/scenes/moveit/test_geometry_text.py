@@ -182,7 +182,7 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, old: str, new: str
     assert re.search(words, message), message
 
 
-def test_what_is_no_such_file(tmp_path: Path) -> None:
+def test_files_of_other_formats_are_refused(tmp_path: Path) -> None:
     for text in (b"", b"hdplan: 1\n", b"\xff\xfe", b"\x00" * 100):
         refusal(tmp_path, text)
     (tmp_path / "world.scene").write_text(NEW)

@@ -107,7 +107,7 @@ def files(tmp_path: Path) -> Files:
     return Files(tmp_path)
 
 
-def test_what_stands_around(files: Files) -> None:
+def test_a_planning_scene_gives_its_obstacles(files: Files) -> None:
     scene = files.load()
     assert scene.robot == RobotSpec(name="panda", group="arm")
     assert scene.from_request
@@ -321,7 +321,7 @@ def test_pairs_that_the_matrix_of_another_robot_checks_are_named_not_checked(fil
     assert why.endswith(end)
 
 
-def test_what_the_robots_own_file_ignores_stays_ignored_and_is_named(files: Files) -> None:
+def test_pairs_ignored_by_the_robots_file_stay_ignored_and_are_named(files: Files) -> None:
     own = files.scene_file.with_name("robot.yaml")
     own.write_text("robot: {name: panda, ignore_pairs: [[panda_link7, panda_link5]]}")
     files.edit("scene", MATRIX, matrix(["panda_link5", "panda_link7"], []))

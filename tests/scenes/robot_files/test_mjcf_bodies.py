@@ -126,7 +126,7 @@ def damaged(text: str, rng: np.random.Generator) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def test_what_is_damaged_is_refused(tmp_path: Path) -> None:
+def test_damaged_models_are_refused(tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     for seed in range(MODELS, MODELS + 200):
         model = Writer(seed).model()

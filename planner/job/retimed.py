@@ -24,7 +24,7 @@ COUNTS = (30, 60, 120)  # configurations on a path when it is drawn
 PLACES_PER_INTERVAL = 8  # places where each interval between rows is measured
 
 
-def timed_anew(
+def retimed_path(
     setup: Setup,
     motions: Sequence[tuple[Trajectory, Sequence[float]]],
     speeds: Array,

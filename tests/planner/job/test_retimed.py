@@ -1,4 +1,4 @@
-"""Laws of motions that overlap, timed anew: their path stays, their ends rest, and limits hold all along."""
+"""Laws of motions that overlap, with a new time law: their path stays, their ends rest, and limits hold all along."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import pytest
 
 import hdplan
 from hdplan.planner.certificate.end_check import SAME_END
-from hdplan.planner.job.anew import COUNTS, timed_anew
 from hdplan.planner.job.blending import LEAST_ROW_GAP, _with_row
 from hdplan.planner.job.overlap import overlapped
+from hdplan.planner.job.retimed import COUNTS, retimed_path
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_path_timed_anew_stays_and_keeps_limits(seed: int) -> None:
+def test_a_retimed_path_stays_and_keeps_limits(seed: int) -> None:
     rng = np.random.default_rng(seed)
     limits = hdplan.Limits(acceleration=7.5, jerk=500.0)
     setup = Setup.of(hdplan.Scene(robot="panda", start="default", goal="default", limits=limits))
@@ -35,7 +35,7 @@ def test_a_path_timed_anew_stays_and_keeps_limits(seed: int) -> None:
     overlap = 0.4 * min(one.times[-1], other.times[-1])
     whole = overlapped(one, other, float(overlap))
     middle = float(one.times[-1] - 0.5 * overlap)
-    found = timed_anew(setup, [(whole, [0.0, middle])], np.ones(2))
+    found = retimed_path(setup, [(whole, [0.0, middle])], np.ones(2))
     assert len(found) == len(COUNTS)
     assert found == sorted(found, key=lambda each: each[0].duration or 0.0)
     at = whole.curve.at_parameter(np.linspace(0.0, 1.0, 4000))
@@ -52,7 +52,7 @@ def test_a_path_timed_anew_stays_and_keeps_limits(seed: int) -> None:
         assert abs(gone[0] - gone[1]) < 0.1 * np.linalg.norm(ends[2] - ends[0])
 
 
-def test_rows_too_far_apart_for_a_path_timed_anew_leave_a_stop() -> None:
+def test_rows_too_far_apart_for_a_retimed_path_leave_a_stop() -> None:
     """At its own pace the move is within the radius for less than a row; slower, both take longer than with a stop."""
     there = hdplan.Pose.from_rpy([0.45, 0.2, 0.5], [np.pi, 0.0, 0.0])
     move = hdplan.Move(hdplan.PoseTarget("panda_hand_tcp", there, free_rotation="z"), blend=0.01)
@@ -90,7 +90,7 @@ def _up_to(motion: Trajectory, there: float, whole: Trajectory, middle: float) -
     return [each.at_time(np.linspace(0.0, until, 400)).positions for each, until in pairs]
 
 
-def test_a_stage_that_would_be_over_before_the_next_row_is_not_timed_anew() -> None:
+def test_a_stage_that_would_be_over_before_the_next_row_is_not_retimed() -> None:
     """Three moves straight on, of which the second one is 5 mm long: it was refused as a motion of one row."""
     start = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
     way = np.array([0.8, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
