@@ -274,7 +274,8 @@ def drawn_pose(rng):
     """A place, turned by quarters now and then."""
     turn = Rotation.from_rotvec(rng.uniform(-3.0, 3.0, 3))
     quarters = Rotation.from_euler("xyz", rng.integers(-2, 3, 3) * np.pi / 2)
-    return place(*2 * drawn_points(rng, 1)[0], quarters if rng.random() < 0.5 else turn)
+    x, y, z = 2 * drawn_points(rng, 1)[0]
+    return place(x, y, z, quarters if rng.random() < 0.5 else turn)
 
 
 @pytest.mark.sampled(3)
