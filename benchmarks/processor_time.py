@@ -12,7 +12,11 @@ import time
 
 def add_processor_time(parser: argparse.ArgumentParser) -> None:
     """Add the option `--processor-time`, which `set_clock` heeds."""
-    parser.add_argument("--processor-time", action="store_true", help="limits and times by the process's clock")
+    parser.add_argument(
+        "--processor-time",
+        action="store_true",
+        help="count the planner's time by its processor time, on a machine that others share",
+    )
 
 
 def set_clock(options: argparse.Namespace) -> None:

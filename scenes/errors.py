@@ -27,6 +27,19 @@ class InputError(HdplanError):
     """Bad input: a file, a field, a name or a number. The command line ends with exit code 2."""
 
 
+class MissingFileError(InputError):
+    """A file that another one names, and that does not exist: it may come later, where files are followed."""
+
+    def __init__(self, text: str, file: str) -> None:
+        """Take the message and the file's path."""
+        super().__init__(text)
+        self.file = file
+
+    def __reduce__(self) -> tuple[type, tuple[str, str]]:
+        """Pickle both."""
+        return type(self), (self.args[0], self.file)
+
+
 class UnsolvableError(InputError):
     """A valid problem that has no solution as it stands: `cause` is the code of the reason, such as "end_in_contact",
     and `by` names the obstacles that shut a goal off."""

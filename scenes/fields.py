@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hdplan.scenes.errors import FieldError, InputError, naming, nearest
+from hdplan.scenes.errors import FieldError, InputError, MissingFileError, naming, nearest
 from hdplan.scenes.files import read_file
 from hdplan.scenes.number_text import read_number
 from hdplan.scenes.values import Check, Choice, Number, Row, Whole, boolean, describe, shorten, text
@@ -174,9 +174,10 @@ class Field:
         names it."""
         path = self.document.file.parent / self.text()
         if not (os.path.isdir(path) if directory else os.path.isfile(path)):
-            kind = "directory" if directory else "file"
-            state = f"is not a {kind}" if os.path.exists(path) else "does not exist"
-            raise self.error(f"must be a {kind}, but {self.value!r} {state} (looked for {path})")
+            kind, exists = "directory" if directory else "file", os.path.exists(path)
+            state = f"is not a {kind}" if exists else "does not exist"
+            error = self.error(f"must be a {kind}, but {self.value!r} {state} (looked for {path})")
+            raise error if exists else MissingFileError(error.args[0], str(path.absolute()))
         return path.absolute()
 
 

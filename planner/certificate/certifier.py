@@ -136,7 +136,7 @@ class Certifier:
         check_as_loaded(robot)  # as what was read of it is kept
 
     def _ends_at(self, setup: Setup) -> None:
-        """Take what depends on the scene's ends."""
+        """Set the fields that depend on the scene's ends."""
         self.setup, self.scene = setup, setup.scene
         self.ends = EndCheck(setup.scene, setup.robot, setup.rates)
         chain = self.sweep.bodies.chain
@@ -184,9 +184,9 @@ class Certifier:
         """Certify one trajectory; see `certify`. A `suspect`, a place where contact is likely (a waypoint interval and
         a fraction of it), is examined first, and the first contact found anywhere ends the search, so that the
         failures are not complete, nor is the cost of the unknown then given. At ends that are `passing` the robot does
-        not stop: the motion itself says where those are, so that no lesser clearance is required for them. What is
-        neither proven nor refuted on the `shortest` part of a waypoint interval is given up as not proven. Without
-        `measured`, the proven clearance may be far less than the distance of the bodies."""
+        not stop: the motion itself defines these ends, so that no lesser clearance is required for them. A pair neither
+        proven nor refuted on the `shortest` part of a waypoint interval counts as not proven. Without `measured`, the
+        proven clearance may be far less than the distance of the bodies."""
         began = time.perf_counter()
         check_as_loaded(self.robot, shapes=False)
         instance(trajectory, Trajectory, "trajectory")

@@ -95,7 +95,7 @@ class Bounds:
 
     @cached_property
     def _grouped(self) -> tuple[Array, Array, Index] | None:
-        """Balls around what stands, by the cubes of a grid: their middles (g, 3) and radii (g,) [m], and the column of
+        """Balls around static bodies, by cubes of a grid: their middles (g, 3) and radii (g,) [m], and the column of
         each pair's first body and group (P,)."""
         bodies, (_, first) = self.bodies, self._first
         still = ~(bodies.chain.carried_by[bodies.joint].any(axis=1) | bodies.drifting)
@@ -144,7 +144,7 @@ class Bounds:
 
     @cached_property
     def _world(self) -> Record:
-        """For the loops in C."""
+        """The record of the bodies for the loops in C."""
         return bounds_loop.world(self.bodies, self.pairs)
 
     def by_plane(self, nodes: Intervals, items: Items, normal: Array) -> tuple[Array, Array, Array]:

@@ -84,7 +84,7 @@ class Bodies:
 
     @cached_property
     def standing(self) -> tuple[Array, Array, Array]:
-        """Rotations, origins and centres of the bodies in the world (g, …), true of those that nothing moves."""
+        """Rotations, origins and centres of the bodies in the world (g, …), valid for static bodies."""
         return self.rotation, self.origin, np.einsum("gij,gj->gi", self.rotation, self.center) + self.origin
 
     def speed(self, g: int) -> float:
@@ -295,7 +295,7 @@ class Intervals:
 
     @cached_property
     def record(self) -> Record:
-        """For the loops in C."""
+        """The record of the intervals for the loops in C."""
         return bounds_loop.intervals(self)
 
     @cached_property

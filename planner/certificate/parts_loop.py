@@ -81,7 +81,7 @@ class Walk:
         return gaps[:, 0], np.maximum(straight, gaps[:, 0] - self.moved[0])
 
     def settle(self, distance: float, bound: float) -> None:
-        """Note what is known of a pair."""
+        """Record the bounds of a pair."""
         self.least, self.proven = min(self.least, distance), min(self.proven, bound)
 
     def go_on(self, most: int) -> Rows:

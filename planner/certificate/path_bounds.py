@@ -175,7 +175,7 @@ class HeldUpright(WithTolerance):
         return np.asarray(2.0 * np.arctan2(chord, other))
 
     def bound(self, part: Part, found: Array) -> Array:
-        """No greater angle (k,) on the parts."""
+        """Upper bounds of the angle (k,) on the parts [rad]."""
         turning = part.chain.carried_by[self.joint] & part.chain.revolute
         axis, off = part.rotations[:, self.joint] @ self.axis, (part.off * turning).sum(axis=1)
         delta = part.delta * turning
@@ -215,7 +215,7 @@ class HeldWithin:
         return np.asarray((np.abs(self._in_box(place - self.box[:3, 3])) - self.half).max(axis=1))
 
     def bound(self, part: Part, found: Array) -> Array:
-        """No greater excursion (k,) on the parts."""
+        """Upper bounds of the distance beyond the box (k,) on the parts [m]."""
         place, motion = part.moved(self.joint, self.point, part.chain.carried_by[self.joint])
         now = self._in_box(place - self.box[:3, 3])
         slope = self._in_box(cross(motion.omega, place) + motion.velocity)
@@ -255,7 +255,7 @@ class HeldAt(WithTolerance):
         return np.asarray(np.linalg.norm(one - other, axis=1))
 
     def bound(self, part: Part, found: Array) -> Array:
-        """No greater distance (k,) on the parts."""
+        """Upper bounds of the distance (k,) on the parts [m]."""
         (here, first), (there, second) = (
             part.moved(joint, point, moves)
             for joint, point, moves in zip(self.joints, self.points, _apart(part.chain, self.joints), strict=True)
@@ -295,7 +295,7 @@ class HeldTurn(WithTolerance):
         return angles_between(other, one)
 
     def bound(self, part: Part, found: Array) -> Array:
-        """No greater angle (k,) on the parts."""
+        """Upper bounds of the angle (k,) on the parts [rad]."""
         one, other = self._both(part.rotations)
         slope, bent, turned = np.zeros_like(one), np.zeros(len(one)), np.zeros(len(one))
         for rotation, moves, sign in zip((one, other), _apart(part.chain, self.joints), (1.0, -1.0), strict=True):

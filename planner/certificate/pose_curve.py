@@ -99,7 +99,7 @@ class PoseCurve:
 
     @cached_property
     def _record(self) -> Record:
-        """For the loop in C."""
+        """The record of the curve for the loop in C."""
         return places_loop.pose_curve(self, PARALLEL)
 
     def _places(self, rotations: Array, origins: Array, moved: Array, first: float) -> Array:

@@ -72,9 +72,9 @@ class Sweep(PreparedPairs):
 
         `required` [m], one for each pair (P,) or one for all, is what pairs must keep; at 0 they must not touch. A
         `suspect`, a waypoint interval and a fraction of it, is examined first, and the first contact found anywhere
-        ends the search: failures are then not complete. What is neither proven nor refuted on the `shortest` part of a
-        waypoint interval is not proven. Unless it is to be `measured` how far apart they are, what suffices is enough:
-        the proven clearance is then no less than required, and may be far less than the closest distance.
+        ends the search: failures are then not complete. A pair neither proven nor refuted on the `shortest` part of a
+        waypoint interval counts as not proven. Without `measured` the proof stops at the required clearance: the proven
+        one is then no less than required, and may be far less than the closest distance.
         """
         floor = np.broadcast_to(np.asarray(required, dtype=np.float64), self.pairs.a.shape)
         return MotionProof(self, curve, floor, suspect, shortest, measured).prove()

@@ -111,7 +111,7 @@ class _OnParts:
         return np.asarray(np.linalg.norm(np.einsum("kn,knc->kc", second, slopes) + bent, axis=1))
 
     def bound(self, part: Part, found: Array) -> Array:
-        """No greater rate (k,) on the parts."""
+        """Upper bounds of the rate (k,) on the parts."""
         whole = self.whole
         moves = part.chain.carried_by[whole.joint]
         _, reach = part.reach(whole.joint, whole.point)

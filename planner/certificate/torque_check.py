@@ -216,7 +216,7 @@ class _Torques:
 
     @property
     def samples(self) -> int:
-        """At how many points torques were computed."""
+        """The number of points at which torques were computed."""
         return sum(len(interval) for interval, _ in self.points)
 
     def at(self, interval: Index, fraction: Array) -> Array:

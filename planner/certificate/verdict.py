@@ -128,7 +128,7 @@ class Certificate:
         return self.prover()
 
     def __repr__(self) -> str:
-        """Say the verdict."""
+        """The verdict, for display."""
         return f"<Certificate: {self.text}>"
 
     @property

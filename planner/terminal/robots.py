@@ -121,7 +121,7 @@ def describe(name: str | RobotSpec) -> dict[str, Rows]:
         }
         for row in fit_report(robot)
     ]
-    notes = [*robot.notes, *_inverse_kinematics(robot)]
+    notes = [*robot.notes, *inverse_kinematics_notes(robot)]
     if bodies:
         notes.append(
             "outer bodies: their volume over that of the link's hull; how far their surface lies outside it, on "
@@ -140,7 +140,7 @@ def describe(name: str | RobotSpec) -> dict[str, Rows]:
     }
 
 
-def _inverse_kinematics(robot: Robot) -> list[str]:
+def inverse_kinematics_notes(robot: Robot) -> list[str]:
     """Return the method, in words, of the end effector's inverse kinematics, if there is one."""
     try:
         target = PoseTarget(end_effector(robot, "link"), Pose())

@@ -6,6 +6,7 @@ request and a connection that drops forbidden messages; a viser that makes its s
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import http
 import ipaddress
@@ -16,6 +17,7 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -23,6 +25,7 @@ import websockets.asyncio.server as serving
 from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
+from websockets.protocol import State
 
 from hdplan.scenes.files import MOST_BYTES
 
@@ -52,6 +55,7 @@ class Gate:
             self.paths[True] = f"/{WATCH}/{secrets.token_urlsafe(16)}/"
         self.page_field = ""  # the field in which pages tell their colour scheme, as viser names it
         self.uploading = 0  # [bytes] of the files under way, of all browsers
+        self._connections: set[Guarded] = set()
 
     def address(self, port: int, watch: bool = False) -> str:
         """Return the address by which everything can be changed, or, if that is shared, only watched."""
@@ -66,7 +70,8 @@ class Gate:
             answer = options.get("process_request")
             if answer is not None and handler.__module__.startswith("viser."):  # and not of another thread
                 made.append(handler)
-                options |= {"process_request": self._admitting(answer), "create_connection": Guarded}
+                opened = partial(Guarded, connections=self._connections)
+                options |= {"process_request": self._admitting(answer), "create_connection": opened}
                 options |= {"max_size": MOST_MESSAGE, "logger": _SILENT}
             return plain(handler, *args, **options)
 
@@ -77,6 +82,13 @@ class Gate:
                 yield made
             finally:
                 serving.serve = plain  # type: ignore[misc]
+
+    def close(self) -> None:
+        """End the connections that wait for a request, as browsers open some ahead of need: for their sake a server
+        that stops would wait for seconds."""
+        for connection in list(self._connections):
+            if connection.protocol.state is State.CONNECTING:
+                connection.loop.call_soon_threadsafe(connection.transport.abort)
 
     def _admitting(self, answer: Check) -> Check:
         """Return viser's own `answer` to a request, for those that may enter."""
@@ -152,10 +164,16 @@ class Guarded(ServerConnection):
     gate: Gate | None = None  # None: nothing may
     watches = True
 
-    def __init__(self, *args: Any, **options: Any) -> None:
-        """Begin without any files under way."""
+    def __init__(self, *args: Any, connections: set[Guarded], **options: Any) -> None:
+        """Begin without any files under way; while it is open, it is one of `connections`."""
         super().__init__(*args, **options)
+        self._connections = connections
         self._files: dict[str, _File] = {}  # by transfer
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Be one of the open connections."""
+        self._connections.add(self)
+        super().connection_made(transport)
 
     async def recv(self, decode: bool | None = None) -> Any:
         """Receive the next allowed message."""
@@ -166,6 +184,7 @@ class Guarded(ServerConnection):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget its files, as viser does."""
+        self._connections.discard(self)
         for transfer in list(self._files):
             self._forget(transfer)
         super().connection_lost(exc)

@@ -169,6 +169,7 @@ class JobViewer(Served):
         self.planning.end()
         self.player.end()
         self.worker.end()
+        self.gate.close()
         with quiet():
             self.server.stop()
 

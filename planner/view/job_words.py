@@ -57,20 +57,19 @@ def _row(number: int, stage: StageCertificate, now: bool) -> str:
         words.append(proven_length(certificate.clearance))
     held = f"holds {', '.join(stage.held)}" if stage.held else "holds nothing"
     touch = f"<br/>may touch: {html.escape(', '.join(' – '.join(pair) for pair in stage.touch))}" if stage.touch else ""
-    line = _line(
-        f"{stage.begins:.2f} s", stage.name, f"{mark} {' · '.join(words)}", tint, now, telling("stage", to=number)
-    )
+    line = _line(f"{stage.begins:.2f} s", stage.name, " · ".join(words), mark, tint, now, telling("stage", to=number))
     text = f"{html.escape(certificate.text)}<br/>{html.escape(held)}{touch}"
     return f'<details>{line}<div style="padding:0.2em 0.3em 0.5em 1.6em">{text}</div></details>'
 
 
-def _line(first: str, name: str, text: str, tint: str = "", now: bool = False, do: str = "") -> str:
+def _line(first: str, name: str, text: str, mark: str = "", tint: str = "", now: bool = False, do: str = "") -> str:
     # A stage without a motion leads nowhere, and does not look as if it did.
     kind, tell = ("summary", f' role="button" data-do="{do}"') if do else ("div", "")
     style = "hd-row" if do else "hd-row hd-still"
     return (
         f'<{kind} class="{style}{" hd-chosen" if now else ""}"{tell}>'
         f'<span style="min-width:3.6em;text-align:right;font-variant-numeric:tabular-nums">{first}</span>'
+        f'<span class="{tint}" style="min-width:1em">{mark}</span>'
         f'<b class="hd-line" style="flex:1" title="{html.escape(name)}">{html.escape(name)}</b>'
         f'<span class="hd-line {tint}">{html.escape(text)}</span></{kind}>'
     )

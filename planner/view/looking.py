@@ -30,6 +30,8 @@ SPARSE = 25  # points of a path, at most, that are looked for behind obstacles
 SURROUNDINGS = 3.0  # times its size: what is shown around a framed obstacle
 STEEPEST = 0.499 * np.pi  # [rad] from the horizon: straight down, up would be any direction
 LEAST_EYE_MOTION = 1e-3  # [m] that an eye moves at least
+INSIDE = 0.8  # of the way from a body's middle to a corner of its box, which is not in the body itself
+NO_EDGE = [0, 3, 5, 6]  # corners of a box, of which no two have an edge in common
 RESIZED = 0.02  # by which a picture's aspect changes at least
 
 
@@ -93,7 +95,8 @@ class Looking:
         path = self._subject.paths()
         if name in SIDES:
             return view_from(*SIDES[name], np.concatenate([whole, path]), aspect)
-        return best_view(whole, self._interest(), path, boxes_around(self._subject.obstacles), aspect)
+        interest = self._interest(self._outline.middles)  # not all over the links: many views are compared
+        return best_view(whole, interest, path, boxes_around(self._subject.obstacles), aspect)
 
     def frame(self, client: Any) -> None:
         """Let a browser look at what is selected, from the side from which it looks; at everything, if nothing is. By
@@ -109,7 +112,7 @@ class Looking:
             return
         obstacles, ghosts = self._subject.obstacles, self._subject.ghosts
         boxes = boxes_around(obstacles)
-        hidden = boxes.in_the_way(self.eye, self._interest())
+        hidden = boxes.in_the_way(self.eye, self._interest(self._outline.inside))
         for node, faded in zip(obstacles, hidden.tolist(), strict=True):
             node.fade(faded)
         pose = self._subject.handle()
@@ -132,9 +135,10 @@ class Looking:
             self._outline_of = robot, Outline(robot)
         return self._outline_of[1]
 
-    def _interest(self) -> Array:
-        """Points that obstacles should not hide: the links at both ends and along the motions, and the paths."""
-        links = [self._outline.middles(q) for q in self._subject.postures()]
+    def _interest(self, points_of: Callable[[Array], Array]) -> Array:
+        """Points that obstacles should not hide: those of the links at both ends and along the motions, and the
+        paths."""
+        links = [points_of(q) for q in self._subject.postures()]
         path = self._subject.paths()
         return np.concatenate([*links, path[:: max(1, len(path) // SPARSE)]])
 
@@ -234,5 +238,14 @@ class Outline:
 
     def middles(self, q: Array) -> Array:
         """Return the middles (m, 3) of those that move."""
-        moving = [joint > 0 for joint, _ in self._boxes]
-        return np.asarray(self.at(q)[moving].mean(axis=1))
+        return np.asarray(self._moving(q).mean(axis=1))
+
+    def inside(self, q: Array) -> Array:
+        """Return points (4 m, 3) all over those that move, which tell whether a part of one is hidden."""
+        corners = self._moving(q)
+        middles = corners.mean(axis=1, keepdims=True)
+        return np.asarray(middles + INSIDE * (corners[:, NO_EDGE] - middles)).reshape(-1, 3)
+
+    def _moving(self, q: Array) -> Array:
+        """The corners (m, 8, 3) of those that move."""
+        return self.at(q)[[joint > 0 for joint, _ in self._boxes]]

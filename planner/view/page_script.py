@@ -196,6 +196,9 @@ if (!window.hdplan) {
       tell(message);
     }
   });
+  document.addEventListener('pointercancel', (event) => {  // viser's handles know none, and would stay in the hand
+    if (event.target.tagName === 'CANVAS') event.target.dispatchEvent(new PointerEvent('pointerup', event));
+  }, true);
   const line = (details) => details.querySelector('summary')?.dataset.do;
   const unfolded = new Set();  // lines whose details are open: they stay open when the lines are rewritten
   document.addEventListener('toggle', (event) => {

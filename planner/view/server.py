@@ -89,6 +89,7 @@ def _served(
         server.gui.main_panel.set_width(WIDTH)
         return viewer_of(server, gate)
     except BaseException:
+        gate.close()
         with quiet():
             server.stop()
         raise

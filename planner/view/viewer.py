@@ -167,6 +167,7 @@ class Viewer(Served):
         self.panel.end()
         self.worker.end()
         self.uploads.close()
+        self.gate.close()
         with quiet():
             self.server.stop()
 

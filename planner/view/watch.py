@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
-from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.errors import HdplanError, MissingFileError
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import files_of
@@ -36,7 +36,8 @@ class Source:
 
     def __init__(self, own: Seen, read: Callable[[], Seen | None], others: Seen | None = None) -> None:
         """Take its files and those that they name, as they were before they were read, and what reads them again: it
-        returns the others that are named by then, or None for the same. It is called by the thread that looks."""
+        returns the others that are named by then, or None where they are not known. It is called by the thread that
+        looks."""
         self._own, self._read = tuple(own), read
         self._known = {**own, **(others or {})}
         self._at_last_look: Seen = self._known
@@ -54,13 +55,15 @@ class Source:
         possible."""
 
         def read() -> Seen | None:
+            named: Seen | None = None
             try:
                 scene = load()
-                named = seen_meshes(scene)
+                named = seen_meshes(scene)  # also of a scene that is not taken: what is wrong may be in them
                 take(scene)
             except HdplanError as error:
                 refuse(error)
-                return None
+                if isinstance(error, MissingFileError):
+                    named = {Path(error.file): ()}  # which may come after the scene that names it
             return named
 
         return cls(own, read, meshes)

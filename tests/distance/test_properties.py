@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings as trials, strategies as st
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.baselines.coal import signed_distance, signed_distances
@@ -258,29 +257,39 @@ def test_crossing_edges_are_seen_by_the_edges_rung(name):
 
 # --- any bodies -------------------------------------------------------------------------------------------------------
 
-GRID = st.integers(-4, 4).map(lambda k: k / 4)  # aligned and degenerate now and then
-COORDINATE = st.one_of(GRID, st.floats(-1.0, 1.0).map(lambda x: round(x, 12)))
-POINT = st.tuples(COORDINATE, COORDINATE, COORDINATE)
-BODY = st.builds(ConvexBody.from_points, st.lists(POINT, min_size=1, max_size=6), st.sampled_from([0.0, 0.1, 1.0]))
-TURN = st.one_of(
-    st.tuples(*[st.integers(-2, 2)] * 3).map(lambda k: Rotation.from_euler("xyz", np.array(k) * np.pi / 2)),
-    st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(Rotation.from_rotvec),
-)
-POSE = st.builds(lambda p, turn: place(2 * p[0], 2 * p[1], 2 * p[2], turn), POINT, TURN)
-CHOICES = st.fixed_dictionaries(
-    {
-        "gamma": st.integers(1, 32),
-        "shaping_length": st.floats(-9.0, 0.0).map(lambda e: 10.0**e),
-        "normals": st.sampled_from(["paper", "paper-multiset", "paper+centre", "paper+edges", "paper+sphere-8"]),
-    }
-)
+NORMALS = ("paper", "paper-multiset", "paper+centre", "paper+edges", "paper+sphere-8")
 
 
+def drawn_points(rng, count):
+    """Points (count, 3) in a cube, half of them in a grid: aligned and degenerate now and then."""
+    grid, anywhere = rng.integers(-4, 5, (count, 3)) / 4, rng.uniform(-1.0, 1.0, (count, 3)).round(12)
+    return np.where(rng.random((count, 1)) < 0.5, grid, anywhere)
+
+
+def drawn_body(rng):
+    return ConvexBody.from_points(drawn_points(rng, rng.integers(1, 7)), rng.choice([0.0, 0.1, 1.0]))
+
+
+def drawn_pose(rng):
+    """A place, turned by quarters now and then."""
+    turn = Rotation.from_rotvec(rng.uniform(-3.0, 3.0, 3))
+    quarters = Rotation.from_euler("xyz", rng.integers(-2, 3, 3) * np.pi / 2)
+    x, y, z = 2 * drawn_points(rng, 1)[0]
+    return place(x, y, z, quarters if rng.random() < 0.5 else turn)
+
+
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["numpy", "casadi"])
-@trials(max_examples=8, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
-@given(body_a=BODY, pose_a=POSE, body_b=BODY, pose_b=POSE, choices=CHOICES)
-def test_any_bodies_at_any_pose(name, body_a, pose_a, body_b, pose_b, choices):
+@pytest.mark.parametrize("seed", range(32))
+def test_any_bodies_at_any_pose(seed, name):
     """Finite, safe, below the exact distance, symmetric."""
+    rng = np.random.default_rng(seed)
+    body_a, body_b, pose_a, pose_b = drawn_body(rng), drawn_body(rng), drawn_pose(rng), drawn_pose(rng)
+    choices = {
+        "gamma": int(rng.integers(1, 33)),
+        "shaping_length": 10.0 ** rng.uniform(-9.0, 0.0),
+        "normals": str(rng.choice(NORMALS)),
+    }
     found = evaluator.__wrapped__(name, body_a, body_b, **choices)(pose_a, pose_b)
     for part in found:
         assert np.all(np.isfinite(part))

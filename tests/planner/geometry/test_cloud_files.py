@@ -234,7 +234,7 @@ def test_points_of_one_cube_keep_their_order_and_cubes_come_by_place(edge: float
 
 def test_boxes_for_pictures_contain_the_balls_and_are_few() -> None:
     rng = np.random.default_rng(0)
-    balls = FixedArray(np.column_stack([rng.uniform(-1.0, 1.0, size=(20_000, 3)), np.full(20_000, 0.002)]))
+    balls = FixedArray(np.column_stack([rng.uniform(-1.0, 1.0, size=(6_000, 3)), np.full(6_000, 0.002)]))
     vertices, triangles = drawn_boxes(balls)
     assert len(vertices) // 8 <= 4000
     assert len(triangles) == 12 * (len(vertices) // 8)

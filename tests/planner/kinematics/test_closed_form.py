@@ -17,7 +17,7 @@ from hdplan.planner.robot.link_frame import link_frame, link_poses
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.search.inverse_kinematics import inverse_kinematics, reaching
-from hdplan.planner.terminal.robots import describe
+from hdplan.planner.terminal.robots import inverse_kinematics_notes
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.targets import PoseTarget
@@ -271,7 +271,7 @@ def test_arms_without_a_closed_form_are_searched(load: Load) -> None:
         ("ur5", "by three parallel axes"),
         ("panda", "panda_joint5 at values"),
     ):
-        assert any(method in row["note"] for row in describe(name)["notes"])
+        assert any(method in note for note in inverse_kinematics_notes(load_robot(name)))
     place = PoseTarget("tool0", Pose((0.4, 0.1, 0.4)), 1e-3, free_rotation="all")
     assert closed_form(arm, place) is None
 

@@ -39,7 +39,7 @@ def test_it_arrives_and_each_command_is_proven_to_its_end() -> None:
 
 
 @pytest.mark.sampled(2)
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [1, 0])
 def test_nothing_is_touched_while_the_robot_moves(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two balls run at the arm as fast as they may, in pictures that are late and not exact, and the arm lags."""
     monkeypatch.setattr("hdplan.planner.replanning.outlook.PLANNING_LIMIT", 0.05)
@@ -65,7 +65,7 @@ def test_nothing_is_touched_while_the_robot_moves(seed: int, monkeypatch: pytest
         past.append((t + PERIOD / LOOKS, places))
 
     goals = itertools.cycle([[-1.0, 0.3], [1.0, 0.4]])
-    while drive.now < 2.0:
+    while drive.now < 1.0 or (drive.now < 3.0 and not braked):
         at, seen = next((each for each in reversed(past) if each[0] <= drive.now - AGE), past[0])
         off = rng.uniform(-1.0, 1.0, (2, 3)) * OFF / np.sqrt(3)
         sizes = hdplan.Uncertainty(OFF, 0.0, SPEED)

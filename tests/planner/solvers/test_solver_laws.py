@@ -540,7 +540,7 @@ scene = dataclasses.replace(
     planner=dataclasses.replace(scene.planner, waypoints=12),
 )
 events = []
-result = hdplan.plan(scene, seed=7, report=events.append, stop=lambda: len(events) >= 400)
+result = hdplan.plan(scene, seed=7, report=events.append, stop=lambda: len(events) >= 150)
 print(hashlib.sha256(result.trajectory.positions.tobytes()).hexdigest())
 print(result.attempts, result.iterations, result.certificate.text, [step for step in result.steps])
 """

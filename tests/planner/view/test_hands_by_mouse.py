@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import re
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +18,9 @@ from hdplan.planner.view.page_script import ENDED, WATCHING
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
+from hdplan.planner.view.watch import seen
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from tests.planner.view.in_browser import (
     Tabs,
     address,
@@ -51,6 +56,10 @@ def dragging(page: Any, viewer: Viewer) -> None:
     until(lambda: viewer.panel.handles.dragging, "it is not dragged")
 
 
+def is_there(viewer: Viewer) -> bool:
+    return BALL.name in [each.name for each in viewer.scene.obstacles]
+
+
 def says_the_truth(page: Any, viewer: Viewer) -> None:
     calm(viewer)
     by_worker(viewer, viewer.document.measure)
@@ -59,23 +68,28 @@ def says_the_truth(page: Any, viewer: Viewer) -> None:
     page.get_by_text(text).first.wait_for()
 
 
-@pytest.mark.parametrize("by", ["delete", "z", "reset"])
-def test_an_obstacle_is_removed_during_its_drag(tab: Tabs, viewer: Viewer, by: str) -> None:
-    """By another tab, or by the other hand at the keyboard; the first keeps pulling, and lets go late."""
+@pytest.mark.parametrize("by", ["delete", "z", "file"])
+def test_an_obstacle_is_removed_during_its_drag(tab: Tabs, viewer: Viewer, tmp_path: Path, by: str) -> None:
+    """By another tab, by the other hand at the keyboard, or from the file; the first keeps pulling, and lets go
+    late."""
     page, first = tab(address(viewer)), viewer.edited
     dragging(page, viewer)
     if by == "z":
         page.keyboard.press("z")
         until(lambda: viewer.edited is first, "it is not undone")
-    elif by == "reset":
-        viewer.panel.editing.ask("reset")
-        until(lambda: viewer.edited is first, "it is not reset")
+    elif by == "file":
+        file, shipped = tmp_path / "scene.yaml", shipped_scenes()["planar_arm"]
+        text = shipped.read_text().replace(" planar_arm.", f" {shipped.parent}/planar_arm.")
+        file.write_text(text)
+        with contextlib.closing(viewer.panel.opening.follow(lambda: load_scene(file), seen([file]), {}, {})):
+            file.write_text(re.sub(r".*name: ball.*\n", "", text))
+            until(lambda: not is_there(viewer), "it is not opened")
     else:
         other = tab(address(viewer))
         other.bring_to_front()
         tab_of(other, "Scene")
         press(other, "delete")
-        until(lambda: "ball" not in [each.name for each in viewer.scene.obstacles], "it is not deleted")
+        until(lambda: not is_there(viewer), "it is not deleted")
         page.bring_to_front()
     without = viewer.edited
     for x in (280, 240, 200):
@@ -86,7 +100,7 @@ def test_an_obstacle_is_removed_during_its_drag(tab: Tabs, viewer: Viewer, by: s
     calm(viewer)
     assert viewer.edited is without
     assert not viewer.panel.handles.dragging
-    assert viewer.panel.handles.selected == (None if by == "delete" else BALL)
+    assert viewer.panel.handles.selected == (BALL if by == "z" else None)
     says_the_truth(page, viewer)
 
 

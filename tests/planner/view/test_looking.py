@@ -14,7 +14,7 @@ import pytest
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.drawing.camera import SIDES
 from hdplan.planner.view.drawing.nodes import FADED
-from hdplan.planner.view.looking import Outline
+from hdplan.planner.view.looking import INSIDE, Outline
 from hdplan.planner.view.things import GOAL, Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.obstacles import Obstacle
@@ -44,6 +44,10 @@ def test_the_outline_goes_with_the_robot(opened: Opener, scene: Scene) -> None:
     viewer = opened(scene)
     outline = Outline(viewer.robot)
     assert np.abs(outline.at(viewer.edited.start) - outline.at(viewer.edited.goal)).max() > 0.1
+    inside, middles = outline.inside(viewer.edited.start), outline.middles(viewer.edited.start)
+    whole = outline.at(viewer.edited.start)[-len(middles) :]
+    spread = np.ptp(inside.reshape(-1, 4, 3) - middles[:, None], axis=1)  # ends of links count, as their middles do
+    np.testing.assert_allclose(spread, INSIDE * np.ptp(whole, axis=1))
     again = outline.at(viewer.edited.start)
     np.testing.assert_array_equal(again, Outline(viewer.robot).at(viewer.edited.start))
 

@@ -131,6 +131,10 @@ def test_a_mesh_that_changes_is_another_obstacle(viewer: Viewer, files: tuple[Pa
     node = next(each for each in viewer.stage.obstacles if each.obstacle.name == "hook")
     before, mesh = viewer.edited, files[0].parent / "hook.obj"
     rows = [line.split() for line in mesh.read_text().splitlines()]
+    mesh.unlink()
+    files[0].write_text(files[0].read_text() + " ")  # the scene is read, and refused, before its mesh is there again
+    until(lambda: "does not exist" in viewer.panel.editing.text, "the panel has no message")
+    assert viewer.edited is before
     mesh.write_text("\n".join(f"v {r[1]} {float(r[2]) + 2.2} {r[3]}" if r[:1] == ["v"] else " ".join(r) for r in rows))
     until(lambda: viewer.edited is not before, "the mesh stays as it was")
     says_the_truth(viewer, files[0])
