@@ -29,6 +29,7 @@ from hdplan.scenes.array_types import Array
 
 SHORTEST_ROW = 1e-12  # shorter rows are left out: no velocity changes them
 UNBOUNDED = 1e30  # DAQP's infinity
+LEAST_CURVATURE = 1e-9  # of the greatest: where H is flatter, the shortest of many equal velocities is taken
 NEWTON_STEPS = 100  # of Newton's method, at most; it takes 1 to 5
 SOLVED = (1, 2)  # DAQP's exit flags of a solution, exact or to its tolerance
 
@@ -78,7 +79,10 @@ def _least_missed(hessian: Array, linear: Array, weighted: Array, wanted: Array,
     u = _solved(hessian, linear, within)
     if u is None:
         return None
-    root = np.linalg.cholesky(hessian).T
+    values, axes = np.linalg.eigh(hessian)
+    least = LEAST_CURVATURE * (values[-1] if values[-1] > 0.0 else 1.0)
+    root = np.sqrt(np.maximum(values, least))[:, None] * axes.T
+    hessian = root.T @ root
     for _ in range(NEWTON_STEPS):
         missed = weighted @ u < wanted
         active = weighted[missed]
