@@ -263,7 +263,7 @@ RECIPES: dict[str, list[tuple[str, Edits]]] = {
             "planner/view/layers.py",
             [
                 ("from hdplan.planner.view.marks import ", "from hdplan.planner.view.marks import Ball\n"),
-                ('    NAMES: (False, ', '    "ball": (False, "at the origin"),\n'),
+                ("    NAMES: (False, ", '    "ball": (False, "at the origin"),\n'),
                 ("        self.plane, self.boxes = PlaneLayer", "        self.ball = Ball(viewer.server)\n"),
                 ("        self.boxes.show(self.on(BOXES))", '        self.ball.show(self.on("ball"))\n'),
             ],
