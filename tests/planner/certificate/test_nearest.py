@@ -14,8 +14,6 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.obstacle_motion import SteadyMotion
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -49,9 +47,10 @@ def test_nearest_is_the_least_of_all_pairs(name: str) -> None:
 def test_the_deepest_of_many_contacts_is_the_nearest() -> None:
     """In a box that holds the centres of several links; at many configurations and times as at each alone."""
     box = Obstacle("box", Box((0.8, 0.8, 0.8)), Pose((0.5, 0.2, 0.6)), motion=SteadyMotion((0.1, 0.0, 0.0)))
-    certifier = Certifier(Setup.of(Scene(RobotSpec(name="panda"), [box], timing=Timing(duration=4.0))))
+    scene = dataclasses.replace(load_scene("panda_cage"), obstacles=[box], timing=Timing(duration=4.0))
+    certifier = Certifier(Setup.of(scene))
     sweep, robot = certifier.sweep, certifier.robot
-    rows, times = robot.draw(np.random.default_rng(5), 8), np.linspace(0.0, 4.0, 8)
+    rows, times = robot.draw(np.random.default_rng(1), 8), np.linspace(0.0, 4.0, 8)
     for q, time, places in zip(rows, times, certifier.nearest_along(rows, times), strict=True):
         assert places == certifier.nearest(q, time=time)
         spots = sweep.distances(robot.expand(q), time=time, surfaces=True)
