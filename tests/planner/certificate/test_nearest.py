@@ -11,8 +11,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.self_pairs import NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.obstacle_motion import SteadyMotion
-from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.timing import Timing
