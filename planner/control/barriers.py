@@ -145,13 +145,17 @@ class Barriers:
         """Return Δ and its derivatives of all pairs at configuration q (n,) and a time [s]."""
         return self.at(q[None], np.array([time])).rows(np.zeros(self.count, np.int64), np.arange(self.count))
 
-    def of_fixed_links(self, path: Array, times: Array) -> float:
+    def of_fixed_links(self, path: Array, times: Array, needed: float) -> float:
         """Return the least Δ [m] of links that no joint moves to moving obstacles, at configurations (k, n) and times
-        (k,) [s]: no command changes it, so these pairs have no row; infinite if there are none."""
+        (k,) [s]: no command changes it, so these pairs have no row. Infinite if no pair may have a D̃ below `needed`."""
         if self._fixed is None:
             return np.inf
-        sample, pair = np.indices((len(path), len(self._fixed.pairs))).reshape(2, -1)
-        return float(self._fixed.outer.distance(self.at(path, times).kinematics, sample, pair)[0].min())
+        kinematics = self.at(path, times).kinematics
+        if self._layout.bounded:
+            sample, pair = self._fixed.near(needed).close(kinematics)
+        else:
+            sample, pair = np.indices((len(path), len(self._fixed.pairs))).reshape(2, -1)
+        return float(self._fixed.outer.distance(kinematics, sample, pair)[0].min(initial=np.inf))
 
     def at(self, path: Array, times: Array) -> Moment:
         """Return the pairs at configurations (k, n) and times (k,) [s]."""

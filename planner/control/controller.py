@@ -293,7 +293,8 @@ class Controller:
         outer, margin = seen.pairs < self.barriers.obstacle_pairs, self.settings.margin
         if self._clearance is None or not kept or (seen.here.value[outer] < margin).any():
             return None
-        if self.barriers.of_fixed_links(np.stack([q, q]), time + np.array([0.0, self.settings.period])) < margin:
+        ends = time + np.array([0.0, self.settings.period])
+        if self.barriers.of_fixed_links(np.stack([q, q]), ends, self.sight.needed[0]) < margin:
             return None
         speed = float(np.abs(velocity) @ self.barriers.levers) + self.barriers.obstacle_speed
         return self._clearance - 0.5 * self.settings.period * speed
