@@ -134,7 +134,9 @@ if (!window.hdplan) {
     event.target.blur();
     tell({do: 'exponent'});
   }, true);
-  document.addEventListener('focusin', () => tell({do: 'enter'}));
+  document.addEventListener('focusin', (event) => {
+    if (event.target.matches('input, textarea')) tell({do: 'enter'});
+  });
   document.addEventListener('paste', (event) => {
     if (!numeric(event) || !/e/i.test(event.clipboardData.getData('text'))) return;
     event.preventDefault();
@@ -312,7 +314,9 @@ class Page:
 
 def is_number(message: object) -> TypeGuard[float]:
     """True if a page sent a number that may be used."""
-    return isinstance(message, int | float) and abs(message) <= sys.float_info.max  # and is neither NaN nor a longer int
+    return (
+        isinstance(message, int | float) and abs(message) <= sys.float_info.max
+    )  # and is neither NaN nor a longer int
 
 
 def link(text: str, what: str, title: str = "", **message: object) -> str:
