@@ -59,7 +59,7 @@ div:has(> .hdplan-page) + div + div + div + div {
 .hd-still { cursor: default; background: none !important }
 .hd summary { list-style: none }
 .hd-good { color: light-dark(#0072b2, #56b4e9) } .hd-bad { color: light-dark(#a50026, #ff7b7b) }
-.hdplan-said { position: fixed; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%) }
+.hdplan-spoken { position: fixed; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%) }
 .u-over { cursor: pointer; touch-action: pan-y }
 label, .mantine-Slider-markLabel, .u-value { color: light-dark(#495057, #ced4da) !important }
 @media (max-width: 900px) { .mantine-Button-label, .mantine-Input-input { font-size: 11px !important } }
@@ -202,14 +202,14 @@ if (!window.hdplan) {
   document.addEventListener('pointercancel', (event) => {  // viser's handles know none, and would stay in the hand
     if (event.target.tagName === 'CANVAS') event.target.dispatchEvent(new PointerEvent('pointerup', event));
   }, true);
-  const said = document.createElement('div');  // readers of screens hear changes of what stays, not what is replaced
-  said.className = 'hdplan-said';
-  said.setAttribute('role', 'status');
-  document.body.append(said);
-  let saying;
-  const say = () => {  // once it rests: it changes with each step of a hand
+  const spoken = document.createElement('div');  // readers of screens hear changes of what stays, not what is replaced
+  spoken.className = 'hdplan-spoken';
+  spoken.setAttribute('role', 'status');
+  document.body.append(spoken);
+  let resting;
+  const speak = () => {  // once it rests: it changes with each step of a hand
     const words = document.querySelector('.hd-badge')?.textContent ?? '';
-    if (said.textContent !== words) said.textContent = words;
+    if (spoken.textContent !== words) spoken.textContent = words;
   };
   let focused, place;  // the line or link that has the keyboard's focus, and which of them all that is
   const linked = () => [...document.querySelectorAll('[data-do]')];
@@ -230,8 +230,8 @@ if (!window.hdplan) {
   }, true);
   new MutationObserver(() => {
     refocus();
-    clearTimeout(saying);
-    saying = setTimeout(say, 300);
+    clearTimeout(resting);
+    resting = setTimeout(speak, 300);
     for (const details of document.querySelectorAll('details:not([open])'))
       if (unfolded.has(line(details))) details.open = true;
   }).observe(document.body, {childList: true, subtree: true});
