@@ -19,7 +19,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import platformdirs
+
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError
 
 Value = TypeVar("Value")
 
@@ -47,8 +51,16 @@ def load(kind: str, key: str, read: Callable[[Any], Value | None]) -> Value | No
     try:
         checksum, _, text = (cache_dir() / kind / f"{key}.json").read_text(encoding="utf-8").partition("\n")
         return read(json.loads(text)) if checksum == content_key(text) else None
-    except (OSError, ValueError, TypeError, LookupError, AttributeError):
+    except (OSError, ValueError, TypeError, LookupError, AttributeError, OverflowError, RecursionError, InputError):
         return None
+
+
+def finite(values: Any) -> Array:
+    """Return the numbers of an entry, for its reader. Raises ValueError for one that is not finite."""
+    numbers = np.array(values, dtype=np.float64)
+    if not np.isfinite(numbers).all():
+        raise ValueError("a number that is not finite")
+    return numbers
 
 
 def store(kind: str, key: str, value: Any) -> None:

@@ -363,9 +363,11 @@ class Certifier:
         (spots,) = self.sweep.nearest(self._configuration(q)[None], np.array([time]), within)
         return self._places(spots)
 
-    def nearest_along(self, configurations: Array, times: Array) -> list[tuple[Place | None, Place | None]]:
+    def nearest_along(
+        self, configurations: Array, times: Array, within: float = np.inf
+    ) -> list[tuple[Place | None, Place | None]]:
         """Return the `nearest` places at each of the configurations (k, n) and times (k,) [s]."""
-        return [self._places(spots) for spots in self.sweep.nearest(self.robot.expand(configurations), times)]
+        return [self._places(spots) for spots in self.sweep.nearest(self.robot.expand(configurations), times, within)]
 
     def _places(self, spots: tuple[Spot | None, Spot | None]) -> tuple[Place | None, Place | None]:
         to_obstacle, between_links = (self._standing(spot) if spot else None for spot in spots)

@@ -105,7 +105,8 @@ class ConfigurationDistances(PlacedPairs):
         _, first = np.unique(place[order], return_index=True)
         new, left = order[first], np.ones(len(items), dtype=bool)  # first the pairs whose balls are closest
         for _ in range(2):
-            new = new[bound[new] <= least[place[new]] + ROUNDING]
+            # within a ball that reaches a box, bodies may overlap deeper than the bound says
+            new = new[bound[new] <= np.maximum(least[place[new]], 0.0) + ROUNDING]
             values, *_ = self.exact(nodes, items[new])
             for i in np.argsort(values, kind="stable").tolist():
                 value, node, pair = float(values[i]), int(items.node[new[i]]), int(items.pair[new[i]])

@@ -6,7 +6,7 @@ hull, which contains it, takes the place of a mesh that is not convex; if one is
 
 from __future__ import annotations
 
-from hdplan.distance.compiled.cache import content_key, load, store
+from hdplan.distance.compiled.cache import content_key, finite, load, store
 from hdplan.planner.geometry.meshes import TriangleMesh
 
 VERSION = "1"  # to be changed with anything that changes a hull's volume, so that old entries are not used
@@ -15,7 +15,7 @@ VERSION = "1"  # to be changed with anything that changes a hull's volume, so th
 def hull_volume(mesh: TriangleMesh) -> float:
     """Return the volume [m³] of a mesh's convex hull, 0 for a flat one: from the cache, or computed now."""
     key = content_key(VERSION, mesh.vertices.tobytes())
-    known = load("hull_volumes", key, lambda value: value if isinstance(value, float) else None)
+    known = load("hull_volumes", key, lambda value: float(finite(value)))
     if known is not None:
         return known
     found = mesh.hull_volume

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.compiled.cache import content_key, load, store
+from hdplan.distance.compiled.cache import content_key, finite, load, store
 from hdplan.planner.collision.sphere_swept_fit import Swept
 from hdplan.scenes.array_types import Array
 
@@ -33,10 +31,10 @@ def convex_bodies(around: Sequence[Swept]) -> tuple[ConvexBody, ...]:
 
 def _read(lists: Sequence[Any], around: Sequence[Swept]) -> tuple[ConvexBody, ...]:
     return tuple(
-        ConvexBody(_rows(vertices), _rows(faces), _rows(edges), np.array(counts, dtype=float), each.radius)
+        ConvexBody(_rows(vertices), _rows(faces), _rows(edges), finite(counts), each.radius)
         for each, (vertices, faces, edges, counts) in zip(around, lists, strict=True)
     )
 
 
 def _rows(values: list[list[float]]) -> Array:
-    return np.array(values, dtype=float).reshape(-1, 3)
+    return finite(values).reshape(-1, 3)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdplan.distance.compiled.cache import content_key, load, store
+from hdplan.distance.compiled.cache import content_key, finite, load, store
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array
 
@@ -36,7 +36,7 @@ def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Ar
     if (parts := _convex_parts(mesh.vertices.tobytes(), mesh.triangles.tobytes())) is not None:
         return parts
     key = content_key(str(CONCAVITY), version("coacd"), mesh.vertices.tobytes(), mesh.triangles.tobytes())
-    pieces = load("convex_pieces", key, lambda value: [np.array(piece, dtype=float).reshape(-1, 3) for piece in value])
+    pieces = load("convex_pieces", key, lambda value: [finite(piece).reshape(-1, 3) for piece in value])
     if pieces is None:
         pieces = _taken_apart(mesh, min(seconds, MOST_SECONDS))
         if pieces or seconds >= MOST_SECONDS > 0.0:

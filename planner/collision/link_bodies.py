@@ -21,7 +21,7 @@ import pinocchio as pin
 from threadpoolctl import threadpool_limits
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.compiled.cache import content_key, load, store
+from hdplan.distance.compiled.cache import content_key, finite, load, store
 from hdplan.planner.collision.convex_bodies import convex_bodies
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_fit import box_axes, fitted, hull_points
@@ -151,7 +151,11 @@ def enclosed(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Swept, 
         return shipped
     key = content_key(FIT_VERSION, geometry, content)
     with _fitting:  # whoever waited finds what the other has stored
-        known = load("link_bodies", key, lambda value: tuple(Swept(np.array(each), radius) for each, radius in value))
+        known = load(
+            "link_bodies",
+            key,
+            lambda value: tuple(Swept(finite(each).reshape(-1, 3), float(finite(radius))) for each, radius in value),
+        )
         if known is not None:
             return known
         tell(f"fitting bodies to {link}, link {robot.links.index(link) + 1} of {len(robot.links)} of {robot.name}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdplan.distance.compiled.cache import content_key, load, store
+from hdplan.distance.compiled.cache import content_key, finite, load, store
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_bodies import enclosed, halved, in_joint, link_key, link_triangles
 from hdplan.planner.collision.link_fit import hull_points
@@ -28,7 +28,7 @@ def link_parts(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Array
     bodies = enclosed(robot, link, geometry)
     numbers = [number for body in bodies for number in (body.vertices.tobytes(), repr(body.radius))]
     key = content_key(VERSION, link_key(robot, link), *numbers)
-    parts = load("link_parts", key, lambda value: [np.array(part, dtype=float).reshape(-1, 3) for part in value])
+    parts = load("link_parts", key, lambda value: [finite(part).reshape(-1, 3) for part in value])
     if parts is None:
         parts = _parts(bodies, link_triangles(robot, link))
         store("link_parts", key, [part.tolist() for part in parts])

@@ -32,7 +32,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdplan.distance.compiled.cache import content_key, store
+from hdplan.distance.compiled.cache import content_key, finite, store
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.collision import separation_loop
 from hdplan.planner.collision.broad_phase import body_pairs
@@ -65,7 +65,7 @@ def distances_kept(
     if not pairs:
         return np.zeros(0)
     key = content_key(VERSION, *content_of(robot, bodies, pairs), np.float64(wanted).tobytes())
-    known = known_result("separation", key, lambda value: np.array(value, dtype=float).reshape(len(pairs)))
+    known = known_result("separation", key, lambda value: finite(value).reshape(len(pairs)))
     if known is None:
         assembled = body_pairs(bodies, planes, pairs, 0.0, kinematics.supports)
         search = _Search(robot, kinematics, bodies, pairs, FclPairs(assembled, bodies, planes))

@@ -31,6 +31,7 @@ SHORTEST_ROW = 1e-12  # shorter rows are left out: no velocity changes them
 UNBOUNDED = 1e30  # DAQP's infinity
 LEAST_CURVATURE = 1e-9  # of the greatest: where H is flatter, the shortest of many equal velocities is taken
 NEWTON_STEPS = 100  # of Newton's method, at most; it takes 1 to 5
+LARGEST_MISS = 1e-5  # of a bound on rows of length 1: ten times DAQP's tolerance
 SOLVED = (1, 2)  # DAQP's exit flags of a solution, exact or to its tolerance
 
 Bounds = tuple[Array, Array, Array, NDArray[np.int32]]  # rows, greatest and least values of u and rows, kinds
@@ -62,15 +63,25 @@ def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, constr
     kept = (least < target) & (length > SHORTEST_ROW)
     length = length[kept]
     matrix, target, floor = matrix[kept] / length[:, None], target[kept] / length, floor[kept] / length
+    scale = float(np.abs(hessian).max()) or 1.0  # DAQP's tolerances are absolute
+    hessian, linear, weight = hessian / scale, linear / scale, weight / np.sqrt(scale)
     found = _solved(hessian, linear, _bounded(matrix, low, high, target))
-    if found is not None:
-        return np.clip(found, low, high)  # DAQP's bounds hold to 1e-12
+    if (command := _checked(found, low, high, matrix, target)) is not None:
+        return command
     gives = floor < target
     weight = (weight[kept] * length)[gives]
     firm = np.isfinite(floor)
     within = _bounded(matrix[firm], low, high, floor[firm])
     found = _least_missed(hessian, linear, matrix[gives] * weight[:, None], target[gives] * weight, within)
-    return None if found is None else np.clip(found, low, high)
+    return _checked(found, low, high, matrix, floor)
+
+
+def _checked(u: Array | None, low: Array, high: Array, matrix: Array, bound: Array) -> Array | None:
+    """Return u within its limits; None if it then misses a bound, as DAQP's u may where H is nearly flat."""
+    if u is None:
+        return None
+    u = np.clip(u, low, high)
+    return u if (matrix @ u >= bound - LARGEST_MISS).all() else None
 
 
 def _least_missed(hessian: Array, linear: Array, weighted: Array, wanted: Array, within: Bounds) -> Array | None:

@@ -32,6 +32,7 @@ from hdplan.scenes.sizes import Tracking
 CLEARANCE_STEP = 0.01  # [s] between configurations at which the clearance is computed, at most
 LONGEST_MOTION = 3600.0  # [s] that a motion may take: the rows of all steps are kept
 PATH_SAMPLES = 1000  # of a path without times
+SAMPLES_AT_ONCE = 256  # configurations at which the closest bodies are found together
 RATE_ROUNDING = 1e-6  # relative, by which a rate may exceed its limit
 TORQUE_EXCESS = 1e-3  # relative, by which a commanded torque may exceed its limit, due to the controller's time steps
 UNNOTICED_JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller notices
@@ -264,11 +265,14 @@ def _closest(certifier: Certifier, positions: Array, times: Array) -> tuple[Clos
     """Return the closest bodies over all configurations (k, n): to obstacles, and between links."""
     best: list[Close | None] = [None, None]
     within = np.inf  # pairs farther apart than the closest so far do not matter
-    for q, time in zip(positions, times.tolist(), strict=True):
-        for group, place in enumerate(certifier.nearest(q, within, time=time)):
-            known = best[group]
-            if place is not None and (known is None or place.distance < known.distance):
-                best[group] = Close(place.link, place.other, place.distance, time)
+    for first in range(0, len(times), SAMPLES_AT_ONCE):
+        some = slice(first, first + SAMPLES_AT_ONCE)
+        found = certifier.nearest_along(positions[some], times[some], within)
+        for places, time in zip(found, times[some].tolist(), strict=True):
+            for group, place in enumerate(places):
+                known = best[group]
+                if place is not None and (known is None or place.distance < known.distance):
+                    best[group] = Close(place.link, place.other, place.distance, time)
         within = max([0.0, *(close.distance for close in best if close)])
     return best[0], best[1]
 

@@ -11,6 +11,10 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.self_pairs import NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 
 SCENES = ["panda_corridor", "ur5_table", "empty"]
@@ -37,6 +41,20 @@ def test_nearest_is_the_least_of_all_pairs(name: str) -> None:
             assert place.distance <= min(solid, default=np.inf)
             if not hollow.any():
                 assert place.distance == least
+
+
+def test_the_deepest_of_many_contacts_is_the_nearest() -> None:
+    """In a box that holds the centres of several links; at many configurations and times as at each alone."""
+    box = Obstacle("box", Box((0.8, 0.8, 0.8)), Pose((0.5, 0.2, 0.6)), motion=SteadyMotion((0.1, 0.0, 0.0)))
+    scene = dataclasses.replace(load_scene("panda_cage"), obstacles=[box], timing=Timing(duration=4.0))
+    certifier = Certifier(Setup.of(scene))
+    sweep, robot = certifier.sweep, certifier.robot
+    rows, times = robot.draw(np.random.default_rng(1), 8), np.linspace(0.0, 4.0, 8)
+    for q, time, places in zip(rows, times, certifier.nearest_along(rows, times), strict=True):
+        assert places == certifier.nearest(q, time=time)
+        spots = sweep.distances(robot.expand(q), time=time, surfaces=True)
+        least = [min(spot.distance for spot in spots if sweep.pairs.group[spot.pair] == group) for group in (0, 1)]
+        assert [place.distance for place in places if place] == least
 
 
 @pytest.mark.parametrize("name", [*SCENES, "kinova_shelf"])

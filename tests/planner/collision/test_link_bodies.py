@@ -365,6 +365,9 @@ def test_a_cache_that_is_damaged_or_cannot_be_written_is_no_cache(
     assert cache.load("kind", key, lambda value: value) is None
     file.write_bytes(b"\xff\xfe")
     assert cache.load("kind", key, lambda value: value) is None
+    for planted in ("[null]", "[NaN]", "1" + 400 * "0", 10**5 * "["):  # under a checksum of its own
+        file.write_text(f"{cache.content_key(planted)}\n{planted}")
+        assert cache.load("kind", key, cache.finite) is None
     monkeypatch.setenv("HDPLAN_CACHE", str(file))  # a file where a folder should be
     with pytest.warns(UserWarning, match=f"the cache {file} cannot be written"):
         cache.store("kind", key, 1)

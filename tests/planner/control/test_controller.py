@@ -432,6 +432,9 @@ def test_rows_that_cannot_be_met_are_met_as_well_as_can_be() -> None:
         walls = np.concatenate([held, np.eye(7)[found <= low + 1e-7], -np.eye(7)[found >= high - 1e-7]])
         left = nnls(walls.T, gradient)[1] if len(walls) else np.linalg.norm(gradient)
         assert left <= 1e-6 * (1.0 + np.linalg.norm(gradient))
+        for unit in (1e-12, 1e12):  # of the objective: DAQP took no floor for one at such a scale
+            rows = SoftConstraints(matrix, target, hold, weight * unit**0.5)
+            assert best_velocity(unit * hessian, unit * linear, low, high, rows) == pytest.approx(found, abs=1e-5)
     assert gave > 20
 
 
