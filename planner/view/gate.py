@@ -12,6 +12,7 @@ import http
 import ipaddress
 import json
 import logging
+import math
 import secrets
 import socket
 import threading
@@ -33,6 +34,7 @@ WATCH = "watch"  # begins the path of an address that shows everything and chang
 ALIVE = "alive"  # ends the path of the address at which a page asks whether the server is there
 MOST_MESSAGE = 2_000_000  # [bytes] of one message; files come in parts of half a megabyte
 SMALLEST_PART = 65_536  # [bytes] on average, of a file that comes in parts
+FARTHEST = 1e6  # [m] of a camera
 NO_SECRET = "This address lacks its secret part: open the one that hdplan view has written.\n"
 ELSEWHERE = "This request was made for another machine, or by a page of another site: it is refused.\n"
 UNGUARDED = "this version of viser makes its server in a way that cannot be guarded: take viser 1.1.1"
@@ -194,8 +196,10 @@ class Guarded(ServerConnection):
             kind = _KIND.decode(data).type
             if self.gate is None or kind in NEVER:
                 return False
+            if kind == CAMERA:
+                return _is_a_view(_CAMERA.decode(data))
             if self.watches:
-                return kind == CAMERA or (kind == FIELD and _tells_the_scheme(_FIELD.decode(data), self.gate))
+                return kind == FIELD and _tells_the_scheme(_FIELD.decode(data), self.gate)
             if kind == BEGIN:
                 return self._begin(_BEGIN.decode(data), self.gate)
             return kind != PART or self._goes_on(_PART.decode(data))
@@ -246,10 +250,37 @@ def _tells_the_scheme(sent: _Field, gate: Gate) -> bool:
     return isinstance(message, dict) and message.get("do") == "theme"
 
 
+def _is_a_view(camera: _Camera) -> bool:
+    """True if there is a picture from there: for any other the pictures of all would fail."""
+    turn, up = camera.wxyz, camera.up_direction
+    places = (*camera.position, *camera.look_at, *turn, *up, camera.near, camera.far)
+    sized = min(camera.image_width, camera.image_height) >= 1 and max(camera.image_width, camera.image_height) < 1e5
+    return (
+        all(abs(value) <= FARTHEST for value in places)
+        and min(math.hypot(*turn), math.hypot(*up)) > 1e-6
+        and 0.0 < camera.fov < math.pi
+        and sized
+    )
+
+
 class _Kind(msgspec.Struct):
     """Kind of a message."""
 
     type: str
+
+
+class _Camera(msgspec.Struct):
+    """The place of a browser's camera."""
+
+    position: tuple[float, float, float]
+    look_at: tuple[float, float, float]
+    wxyz: tuple[float, float, float, float]
+    up_direction: tuple[float, float, float]
+    fov: float  # [rad]
+    near: float
+    far: float
+    image_width: float  # [px]
+    image_height: float
 
 
 class _Field(msgspec.Struct):
@@ -276,6 +307,7 @@ class _Part(msgspec.Struct):
 
 
 _KIND, _FIELD = msgspec.msgpack.Decoder(_Kind), msgspec.msgpack.Decoder(_Field)
+_CAMERA = msgspec.msgpack.Decoder(_Camera)
 _BEGIN, _PART = msgspec.msgpack.Decoder(_Begin), msgspec.msgpack.Decoder(_Part)
 _SILENT = logging.Logger("hdplan.view")  # of requests that fail, which are others' affairs
 _SILENT.addHandler(logging.NullHandler())

@@ -118,6 +118,7 @@ class Handles:
         """Update everything after dragging."""
         self._begin = None
         self._viewer.document.measure()
+        self._show()
         self.place()
 
     def update(self) -> None:

@@ -29,6 +29,7 @@ if (!window.hdplanKeys) {
   const moves = (event) => /^(Arrow|Home|End)/.test(event.key);
   document.body.addEventListener('keydown', (event) => {
     if (moves(event) && event.target.closest('[role=slider],[role=tab]')) event.stopPropagation();
+    if (event.key === ' ' && event.target.closest('button,[role=button],[role=tab]')) event.stopPropagation();
   });
   document.documentElement.addEventListener('keydown', (event) => {
     if (moves(event)) event.stopPropagation();

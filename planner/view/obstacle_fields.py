@@ -3,6 +3,7 @@ speed."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, assert_never
@@ -235,8 +236,14 @@ class ObstacleFields:
 
 
 def as_section(text: str) -> str:
-    """Return obstacles that are written one below the other, or a single one, as a section of a scene."""
-    bare = text.strip()
+    """Return obstacles that are written one below the other, or a single one, as a section of a scene, which they may
+    be already."""
+    lines = textwrap.dedent(text.replace("\r\n", "\n")).strip().splitlines()
+    while lines and (not lines[0].strip() or lines[0].startswith("#")):
+        del lines[0]
+    bare = "\n".join(lines)
+    if bare.startswith("obstacles:"):
+        return f"{bare}\n"
     if not bare.startswith("-"):
         bare = "- " + bare.replace("\n", "\n  ")
     return f"obstacles:\n{bare}\n"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import html
 import json
-import math
+import sys
 from collections.abc import Callable, Mapping
 from typing import Any, TypeGuard
 
@@ -59,6 +59,7 @@ div:has(> .hdplan-page) + div + div + div + div {
 .hd-still { cursor: default; background: none !important }
 .hd summary { list-style: none }
 .hd-good { color: light-dark(#0072b2, #56b4e9) } .hd-bad { color: light-dark(#a50026, #ff7b7b) }
+.hdplan-spoken { position: fixed; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%) }
 .u-over { cursor: pointer; touch-action: pan-y }
 label, .mantine-Slider-markLabel, .u-value { color: light-dark(#495057, #ced4da) !important }
 @media (max-width: 900px) { .mantine-Button-label, .mantine-Input-input { font-size: 11px !important } }
@@ -133,7 +134,9 @@ if (!window.hdplan) {
     event.target.blur();
     tell({do: 'exponent'});
   }, true);
-  document.addEventListener('focusin', () => tell({do: 'enter'}));
+  document.addEventListener('focusin', (event) => {
+    if (event.target.matches('input, textarea')) tell({do: 'enter'});
+  });
   document.addEventListener('paste', (event) => {
     if (!numeric(event) || !/e/i.test(event.clipboardData.getData('text'))) return;
     event.preventDefault();
@@ -199,6 +202,26 @@ if (!window.hdplan) {
   document.addEventListener('pointercancel', (event) => {  // viser's handles know none, and would stay in the hand
     if (event.target.tagName === 'CANVAS') event.target.dispatchEvent(new PointerEvent('pointerup', event));
   }, true);
+  const spoken = document.createElement('div');  // readers of screens hear changes of what stays, not what is replaced
+  spoken.className = 'hdplan-spoken';
+  spoken.setAttribute('role', 'status');
+  document.body.append(spoken);
+  let resting;
+  const speak = () => {  // once it rests: it changes with each step of a hand
+    const words = document.querySelector('.hd-badge')?.textContent ?? '';
+    if (spoken.textContent !== words) spoken.textContent = words;
+  };
+  let focused, place;  // the line or link that has the keyboard's focus, and which of them all that is
+  const linked = () => [...document.querySelectorAll('[data-do]')];
+  document.addEventListener('focusin', (event) => {
+    focused = event.target.matches('[data-do]:focus-visible') ? event.target : undefined;  // and not by the mouse
+    place = linked().indexOf(focused);
+  });
+  const refocus = () => {  // where it was rewritten; one that is gone leaves it to the next
+    if (!focused || focused.isConnected || document.activeElement !== document.body) return;
+    const now = linked();
+    (now.find((link) => link.dataset.do === focused.dataset.do) ?? now[Math.min(place, now.length - 1)])?.focus();
+  };
   const line = (details) => details.querySelector('summary')?.dataset.do;
   const unfolded = new Set();  // lines whose details are open: they stay open when the lines are rewritten
   document.addEventListener('toggle', (event) => {
@@ -206,6 +229,9 @@ if (!window.hdplan) {
     if (key) unfolded[event.target.open ? 'add' : 'delete'](key);
   }, true);
   new MutationObserver(() => {
+    refocus();
+    clearTimeout(resting);
+    resting = setTimeout(speak, 300);
     for (const details of document.querySelectorAll('details:not([open])'))
       if (unfolded.has(line(details))) details.open = true;
   }).observe(document.body, {childList: true, subtree: true});
@@ -279,7 +305,7 @@ class Page:
         client.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False)
         draw_ground(client.scene, self._ground, dark=dark)
         window = message.get("width")
-        if isinstance(window, int | float) and math.isfinite(window):
+        if is_number(window):
             width = min(max(PANEL_SHARE * window, NARROWEST), WIDTH)
             if self._widths.get(client.client_id, WIDTH) != width:  # else a width set by the user stays
                 client.gui.main_panel.set_width(width)
@@ -288,7 +314,9 @@ class Page:
 
 def is_number(message: object) -> TypeGuard[float]:
     """True if a page sent a number that may be used."""
-    return isinstance(message, int | float) and math.isfinite(message)
+    return (
+        isinstance(message, int | float) and abs(message) <= sys.float_info.max
+    )  # and is neither NaN nor a longer int
 
 
 def link(text: str, what: str, title: str = "", **message: object) -> str:

@@ -75,12 +75,12 @@ class Tree:
             raise
 
     def follow(self, before: Scene) -> None:
-        """Keep renamed obstacles hidden, whatever renamed them."""
-        if len(before.obstacles) != len(self._viewer.scene.obstacles):
-            return
-        pairs = zip(before.obstacles, self._viewer.scene.obstacles, strict=True)
+        """Keep renamed obstacles hidden, whatever renamed them, and forget those that are gone: a new one may get such
+        a name."""
+        after = self._viewer.scene.obstacles
+        pairs = zip(before.obstacles, after, strict=True) if len(before.obstacles) == len(after) else ()
         now = {old.name: new.name for old, new in pairs if old.name != new.name and replace(old, name=new.name) == new}
-        hidden = {now.get(name, name) for name in self.hidden}
+        hidden = {now.get(name, name) for name in self.hidden} & {each.name for each in after}
         self.hidden.clear()
         self.hidden |= hidden
 

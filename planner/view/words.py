@@ -135,4 +135,4 @@ def badge(edited: Edited, active: ShownMotion | None, holds: bool) -> str:
 
 def badge_of(tint: str, text: str) -> str:
     """Return words that stand in the scene, as HTML: "good", "bad" or neither."""
-    return f'<div class="hd-badge hd-{tint}" role="status">{html.escape(text)}</div>'
+    return f'<div class="hd-badge hd-{tint}">{html.escape(text)}</div>'

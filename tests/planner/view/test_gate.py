@@ -242,6 +242,27 @@ def let_in(gate: module.Gate) -> Callable[[dict[str, Any]], bool]:
     return lambda message: connection._may_come_in(msgspec.msgpack.encode(message))
 
 
+def test_no_camera_comes_in_from_which_there_is_no_picture() -> None:
+    """One of a watching browser withdrew the verdicts of all."""
+    may, nan = let_in(module.Gate("127.0.0.1")), float("nan")
+    assert may(CAMERA)
+    for wrong in (
+        {"look_at": [nan] * 3},
+        {"look_at": None},
+        {"position": [1e308] * 3},
+        {"position": [1.0]},
+        {"up_direction": [0, 0, 0]},
+        {"wxyz": [0, 0, 0, 0]},
+        {"wxyz": [1.0]},
+        {"fov": 0.0},
+        {"fov": nan},
+        {"near": float("inf")},
+        {"image_height": 0},
+        {"image_width": "x"},
+    ):
+        assert not may(CAMERA | wrong), wrong
+
+
 def test_a_file_is_refused_before_it_is_held() -> None:
     gate = module.Gate("127.0.0.1")
     may = let_in(gate)

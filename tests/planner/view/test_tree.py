@@ -90,8 +90,10 @@ def test_locked_obstacles_stay(viewer: Viewer) -> None:
     by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
     assert len(viewer.scene.obstacles) == 3
     tell(viewer, do="lock thing", kind="obstacle", name="ball")
+    tell(viewer, do="eye thing", kind="obstacle", name="ball")
     tell(viewer, do="delete thing", kind="obstacle", name="ball")
     assert "ball" not in [each.name for each in viewer.scene.obstacles]
+    assert not viewer.panel.tree.hidden  # a new one may get its name
 
 
 def test_pages_may_tell_anything(viewer: Viewer) -> None:
@@ -122,7 +124,11 @@ def test_a_paste_is_a_step_and_takes_other_names(viewer: Viewer) -> None:
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
     text = viewer.panel.obstacles.text
     assert "ball" in viewer.panel.page._copied.content
-    tell(viewer, do="paste", text=text)
+    by_worker(viewer, lambda: viewer.panel.handles.drag(Pose((0.0, 2.125, 0.0))))
+    by_worker(viewer, viewer.panel.handles.let_go)
+    assert "2.125" in viewer.panel.page._copied.content
+    by_worker(viewer, viewer.document.undo)
+    tell(viewer, do="paste", text=f"# of a scene\nobstacles:\n  {text}")
     tell(viewer, do="paste", text="name: far\nshape: {type: box, size: [0.1, 0.1, 0.1]}\npose: {position: [0, -3, 0]}")
     names = [each.name for each in viewer.scene.obstacles]
     assert names == ["ball", "prism", "ball2", "far"]
@@ -197,10 +203,17 @@ def test_the_keyboard_copies_pastes_duplicates_and_deletes(tab: Tabs, served: Vi
         return [each.name for each in served.scene.obstacles]
 
     page.get_by_role("tab", name="Scene").click()
-    page.locator('[data-do*="select thing"]').filter(has_text="ball").focus()
+    page.locator('[data-do*="select thing"]').filter(has_text="the goal").focus()
+    page.keyboard.press("Tab")
     page.keyboard.press("Enter")
     until(lambda: served.panel.handles.selected == BALL, "it is not selected")
     page.locator('.hdplan-copied[data-yaml*="ball"]').wait_for(state="attached")
+    page.locator('.hd-chosen[data-do*="ball"]:focus').wait_for()  # in the list that is rewritten
+    assert page.get_by_role("status").inner_text() == page.locator(".hd-badge").inner_text()
+    page.get_by_role("button", name="reset").focus()
+    page.keyboard.press("Space")
+    until(lambda: "nothing to reset" in served.panel.editing.text, "the space bar does not press a button")
+    assert not served.panel.player.playing
     page.mouse.click(20, 330)
     by_worker(served, lambda: served.panel.handles.select(BALL))
     page.locator('.hdplan-copied[data-yaml*="ball"]').wait_for(state="attached")
