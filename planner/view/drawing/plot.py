@@ -25,7 +25,10 @@ BAR: Color = (128, 128, 128)
 PADDING = (8, 8, 0, 0)  # [px] above, right, below, left: room for half a number at the end of an axis
 DASH, DOTTED, DOT = [6.0, 4.0], [1.5, 3.0], 7.0  # [px]
 LONGEST_LABEL = 24  # characters of a curve's name
-SPAN = tuple[float, float]  # of the timeline
+SPAN = tuple[float, float]  # of the timeline, or of values
+LANE_HEIGHT = 34  # [px] at least, where curves have lanes
+AXES = ({"size": 28}, {"size": 46})
+UNSEEN = {"size": 46, "stroke": "transparent", "ticks": {"show": False}, "grid": {"show": False}}  # no scale for all
 
 
 class Line(NamedTuple):
@@ -36,6 +39,7 @@ class Line(NamedTuple):
     dashed: bool = False
     dots: bool = False  # its points alone
     dotted: bool = False
+    lane: int | None = None  # from the top, in which the curve has a scale of its own
 
 
 class Plot:
@@ -47,6 +51,7 @@ class Plot:
         self._times: Array = np.array([0.0, 1.0])
         self._title, self._timeline, self._view = title, Timeline(), (0.0, 1.0)
         self._low, self._high = 0.0, 1.0
+        self._lanes: tuple[SPAN, ...] = ()
         self._remark = ""
         self._take(lines)
         self.handle = server.gui.add_uplot(
@@ -54,7 +59,7 @@ class Plot:
             self._series(),
             title=self._words,
             scales=self._scales(),
-            axes=({"size": 28}, {"size": 46}),
+            axes=AXES,
             legend={"show": True, "live": True},
             cursor={"points": {"show": False}, "drag": {"x": False, "y": False, "setScale": False}},  # see page_script
             height=HEIGHT,
@@ -82,6 +87,8 @@ class Plot:
             line: dict[str, Any] = {"label": shortened(each.name, LONGEST_LABEL), "stroke": stroke, "width": 1.5}
             if each.dashed or each.dotted:
                 line |= {"dash": DASH if each.dashed else DOTTED, "width": 1.2}
+            if each.lane is not None:
+                line["scale"] = f"lane{each.lane}"
             if each.dots:
                 line |= {"points": {"show": True, "size": DOT, "fill": stroke}}
             lines.append(line)
@@ -99,11 +106,24 @@ class Plot:
             self.handle.visible = value
 
     def set(
-        self, timeline: Timeline, times: Array, curves: Sequence[Array], low: float, high: float, now: float, view: SPAN
+        self,
+        timeline: Timeline,
+        times: Array,
+        curves: Sequence[Array],
+        low: float,
+        high: float,
+        now: float,
+        view: SPAN,
+        lanes: Sequence[SPAN] = (),
     ) -> None:
         """Show curves (K,) over moments (K,) of the timeline, between `low` and `high`, NaN where there is nothing; of
-        the timeline what is in `view`."""
+        the timeline what is in `view`. `lanes`: the least and the greatest value of each, from the top."""
         self._times, self._curves, self._low, self._high, self._remark = times, tuple(curves), low, high, ""
+        if self._lanes != (wide := tuple(lanes)):
+            if len(wide) != len(self._lanes):
+                self.handle.axes = AXES if not wide else (AXES[0], UNSEEN)
+                self.handle.height = max(HEIGHT, LANE_HEIGHT * len(wide))
+            self._lanes = wide
         if timeline.timed != self._timeline.timed:
             self._timeline = timeline
             self.handle.series = self._series()
@@ -134,7 +154,12 @@ class Plot:
         return f"{self._title} over {'time [s]' if self._timeline.timed else 'the path'}{self._remark}"
 
     def _scales(self) -> dict[str, dict[str, object]]:
-        return {"x": {"time": False, "range": self._view}, "y": {"range": (self._low, self._high)}}
+        scales: dict[str, dict[str, object]] = {"x": {"time": False, "range": self._view}}
+        scales["y"] = {"range": (self._low, self._high)}
+        for lane, (low, high) in enumerate(self._lanes):  # values keep their numbers; the scale puts them into the lane
+            bottom = low - (len(self._lanes) - 1 - lane) * (high - low)
+            scales[f"lane{lane}"] = {"range": (bottom, bottom + len(self._lanes) * (high - low))}
+        return scales
 
     def _rows(self, now: float) -> Rows:
         return with_bar(self._times, self._curves, now, self._low, self._high)

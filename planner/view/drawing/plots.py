@@ -42,7 +42,9 @@ class MotionPlots:
             initial_value=POSITION,
             hint="of the joints: position; rates where a motion has times, jerk and torque where the scene limits them",
         )
-        self.quantity.on_update(lambda _: changed())
+        self.lanes = server.gui.add_checkbox("lanes", False, hint="each joint in a lane of its own, with its own scale")
+        for choice in (self.quantity, self.lanes):
+            choice.on_update(lambda _: changed())
         self.joints = Plot(server, "joints", ())
         share_lines = [Line(name, color) for name, color in SHARES.items()]
         self.shares = Plot(server, "share of the limits [%]", [*share_lines, Line("limit", LIMIT, dashed=True)])
@@ -123,15 +125,21 @@ class MotionPlots:
         timeline, wanted = self._timeline, str(self.quantity.value)
         found = [(each, _values(each, wanted, rates, timeline)) for each in (active, *others)]
         known = [(motion.name, *values) for motion, values in found if values is not None]
-        limits = [] if not known or known[0][3] is None else sorted({*known[0][3].tolist()})
+        lanes = bool(self.lanes.value) and len(self._names) > 1
+        limits = [] if lanes or not known or known[0][3] is None else sorted({*known[0][3].tolist()})
         lines = [
-            Line(name if number == 0 else f"{name} of {whose}", LINES[i % len(LINES)], dashed=number > 0)
+            Line(
+                name + (f" of {whose}" if number else ""), LINES[i % len(LINES)], number > 0, lane=i if lanes else None
+            )
             for number, (whose, *_) in enumerate(known)
             for i, name in enumerate(self._names)
         ]
         lines += [Line(name, LIMIT, dashed=True) for _ in limits for name in ("limit", "−limit")]
-        near = [] if wanted != POSITION else _near(active.joints, *self._bounds)
-        lines += [Line("", LINES[joint % len(LINES)], dotted=True) for joint, _ in near]
+        if wanted == POSITION:
+            near = _near(active.joints, *self._bounds)
+        else:
+            near = _near_rates(known[0][2], known[0][3]) if lanes and known else []
+        lines += [Line("", LINES[i % len(LINES)], dotted=True, lane=i if lanes else None) for i, _ in near]
         title = "joints [rad or m]" if wanted == POSITION else f"{wanted} of the joints [{UNITS.get(wanted, '')}]"
         self.joints.name(title if known else f"{title}: none known", lines)
         if not known:
@@ -151,7 +159,8 @@ class MotionPlots:
         reach = max([abs(low), abs(high)])
         if any(limit <= 2.0 * reach for limit in limits):  # close enough to be of interest
             low, high = -1.05 * max(reach, limits[0]), 1.05 * max(reach, limits[0])
-        self.joints.set(timeline, times, curves, low, high, now, self._view)
+        spans = _lanes([values for _, _, values, _ in known], near) if lanes else ()
+        self.joints.set(timeline, times, curves, low, high, now, self._view, spans)
         if near:
             self.joints.remark(", limits dotted")
 
@@ -213,6 +222,25 @@ def _near(joints: Array, lower: Array, upper: Array) -> list[tuple[int, float]]:
     reach = NEAR_LIMIT * max(float(np.ptp(joints)), 1.0)
     found = [(i, float(low)) for i, low in enumerate(lower) if joints[:, i].min() - low < reach]
     return found + [(i, float(high)) for i, high in enumerate(upper) if high - joints[:, i].max() < reach]
+
+
+def _near_rates(values: Array, limits: Array | None) -> list[tuple[int, float]]:
+    """Return the limits (n,) of rates (K, n), both ways, that are no more than twice the greatest value of their joint,
+    each with the number of the joint."""
+    reach = np.abs(values).max(axis=0)
+    near = [] if limits is None else np.flatnonzero(limits <= 2.0 * reach).tolist()
+    return [(i, sign * float(limits[i])) for i in near for sign in (-1.0, 1.0) if limits is not None]
+
+
+def _lanes(values: Sequence[Array], near: Sequence[tuple[int, float]]) -> list[SPAN]:
+    """Return the least and the greatest value of each joint's lane, of several motions' values (K, n) and of the limits
+    that are drawn, with room around them."""
+    every = np.vstack(values)
+    low, high = every.min(axis=0), every.max(axis=0)
+    for i, bound in near:
+        low[i], high[i] = min(low[i], bound), max(high[i], bound)
+    room = 0.1 * np.where(high > low, high - low, 1.0)
+    return list(zip((low - room).tolist(), (high + room).tolist(), strict=True))
 
 
 def _of_clearance(motions: Sequence[tuple[str, Color]], stages: bool) -> list[Line]:

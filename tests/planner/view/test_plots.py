@@ -97,6 +97,25 @@ def test_two_motions_are_compared_on_one_axis(opened: Opener, limited: Scene, ti
     assert (dashes["elbow"], dashes["elbow of slow"]) == (False, True)
 
 
+def test_lanes_lie_one_below_another_and_values_stay_true(opened: Opener, limited: Scene, timed: Trajectory) -> None:
+    viewer = opened(limited, found=timed)
+    joints = viewer.panel._plots.joints
+    for quantity in ("position", "velocity"):
+        choose(viewer, quantity)
+        alone = {name: curve(joints, name)[1] for name in ("shoulder", "elbow")}
+        viewer.panel._plots.lanes.value = True
+        choose(viewer, quantity)
+        shares = []
+        for lane, (name, values) in enumerate(alone.items()):
+            np.testing.assert_array_equal(curve(joints, name)[1], values)
+            low, high = joints.handle.scales[f"lane{lane}"]["range"]
+            shares.append(((values.min() - low) / (high - low), (values.max() - low) / (high - low)))
+        assert 0.0 < shares[1][0] <= shares[1][1] < 0.5 < shares[0][0] <= shares[0][1] < 1.0
+        viewer.panel._plots.lanes.value = False
+    choose(viewer, "velocity")
+    assert set(joints.handle.scales) == {"x", "y"}
+
+
 def test_markers_stand_at_the_closest_moment_and_at_stages(opened: Opener, limited: Scene, timed: Trajectory) -> None:
     assert timed.times is not None
     staged = dataclasses.replace(timed, stages=(StageMark("reach", 0), StageMark("place", 20)))
