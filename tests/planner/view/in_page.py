@@ -7,6 +7,7 @@ therefore looked up in the page, and waited for there: the server knows neither 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -49,6 +50,8 @@ HAS = """(names) => {
   return !messageQueue.length && names.every((name) => nodeRefFromName[name]);
 }"""
 ASPECT = "__viserMutable.camera.aspect"
+UNDER = "([x, y]) => document.elementsFromPoint(x, y).slice(0, 3).map((each) => each.outerHTML.slice(0, 200))"
+SENT = itertools.count()
 HOLDS = "!__viserMutable.cameraControl.enabled"  # a handle in a hand keeps the camera still
 
 
@@ -132,6 +135,15 @@ def handled(page: Any, viewer: Viewer) -> None:
         )
 
     until(stands, "the handle is not drawn")
+    arrived(page, viewer)
+
+
+def arrived(page: Any, viewer: Viewer) -> None:
+    """Wait until the page has all that the server has sent, as what lets the mouse through: a node is sent last."""
+    name = f"/arrived{next(SENT)}"
+    marker = viewer.server.scene.add_frame(name, show_axes=False)
+    wait_for(page, HAS, [name])
+    marker.remove()
     drawn(page)
 
 
@@ -139,4 +151,7 @@ def gripped(page: Any, at: Sequence[float]) -> None:
     """Press the button on a part of a handle, and wait until it is held."""
     page.mouse.move(*at)
     page.mouse.down()
-    wait_for(page, HOLDS)
+    try:
+        wait_for(page, HOLDS)
+    except Exception as error:  # playwright is imported where a browser is
+        raise AssertionError(f"at {at} nothing is held, but {page.evaluate(UNDER, list(at))}") from error

@@ -83,6 +83,7 @@ def test_the_certified_motion_follows_the_mouse(page: Any, viewer: Viewer) -> No
     until(lambda: not viewer.panel.handles.dragging, "it is not let go")
 
 
+@pytest.mark.slow  # `test_handling` holds the law without a page
 def test_a_click_selects_and_the_handle_stands_upright(page: Any, viewer: Viewer) -> None:
     """Also after the goal was selected, whose handle is turned: an obstacle that is dragged 16 pixels stays upright."""
     selected(page, viewer, GOAL)

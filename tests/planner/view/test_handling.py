@@ -530,3 +530,16 @@ def test_what_is_typed_while_another_field_is_edited_is_not_lost(viewer: Viewer)
     for _ in typed:
         sent(viewer, field(viewer, "history"), "undo")
     assert not viewer.document.history.can_undo
+
+
+def test_the_handle_stands_as_what_is_selected(viewer: Viewer) -> None:
+    """Upright for an obstacle, also after the goal was selected, whose handle is turned; a move of it turns nothing."""
+    handles, name = viewer.panel.handles, viewer.scene.obstacles[0].name
+    by_worker(viewer, lambda: handles.select(GOAL))
+    turned = handles._handle.wxyz.copy()
+    by_worker(viewer, lambda: handles._clicked(Thing("obstacle", name), False))
+    assert handles.selected == Thing("obstacle", name)
+    np.testing.assert_allclose(
+        np.roll(handles._handle.wxyz, -1), viewer.scene.obstacles[0].pose.quaternion_xyzw, atol=1e-12
+    )
+    assert np.abs(turned - handles._handle.wxyz).max() > 0.1
