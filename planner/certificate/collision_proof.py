@@ -151,7 +151,7 @@ class MotionProof(PlacedPairs):
     def _inside(self) -> list[Spot]:
         """Return the bodies that lie inside others at the start of the motion, or inside open meshes at a waypoint: the
         first such waypoint."""
-        nodes = self.at_waypoints(np.zeros(1, dtype=np.int64))
+        nodes = self.at_start()
         spots = self.contained(nodes, self.containment.found(nodes))
         rows = np.arange(1, len(self.curve)) if self.containment.open.any() else np.arange(0)
         for first in range(0, len(rows), WAYPOINTS_AT_ONCE):

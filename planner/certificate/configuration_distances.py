@@ -26,7 +26,7 @@ class ConfigurationDistances(PlacedPairs):
     def all_pairs(self, within: float = np.inf, surfaces: bool = False, unknown: bool = False) -> tuple[Spot, ...]:
         """Return the signed distances of all pairs at the first configuration, except for those that bounding balls
         prove to be farther apart than `within`."""
-        nodes = self.at_waypoints(np.zeros(1, dtype=np.int64))
+        nodes = self.at_start()
         spots = self.contained(nodes, self.containment.found(nodes))
         items = Items.all(1, np.arange(len(self.pairs.a)))
         if within < np.inf:
@@ -78,7 +78,7 @@ class ConfigurationDistances(PlacedPairs):
 
     def hull_gap(self, within: float) -> float:
         """Return the least distance of hulls to obstacles at the first configuration, at most `within`."""
-        nodes = self.at_waypoints(np.zeros(1, dtype=np.int64))
+        nodes = self.at_start()
         items = Items.all(1, np.flatnonzero(self.pairs.group == 0))
         bound, _ = self.bounds.by_ball(nodes, items)
         items = items[bound <= within + ROUNDING]
@@ -122,5 +122,5 @@ class ConfigurationDistances(PlacedPairs):
 
     def witnesses(self, pair: int) -> Array:
         """Return the closest points (2, 3) of two bodies at the first configuration."""
-        nodes = self.at_waypoints(np.zeros(1, dtype=np.int64))
+        nodes = self.at_start()
         return witness_points(*closest_parts(*self.posed(nodes, 0, pair)))

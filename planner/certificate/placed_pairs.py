@@ -60,6 +60,10 @@ class PlacedPairs:
         interval = np.minimum(rows, len(self.curve) - 2)
         return self.place(interval, (rows - interval).astype(np.float64), np.zeros(len(rows)))
 
+    def at_start(self) -> Intervals:
+        """Return the bodies at the first waypoint."""
+        return self.at_waypoints(np.zeros(1, dtype=np.int64))
+
     def surface(self, nodes: Intervals, node: int, pair: int, within: float = np.inf) -> float:
         """Return the distance of two bodies; one larger than `within` [m] need not be exact."""
         self.exact_calls += 1

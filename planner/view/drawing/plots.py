@@ -227,9 +227,10 @@ def _near(joints: Array, lower: Array, upper: Array) -> list[tuple[int, float]]:
 def _near_rates(values: Array, limits: Array | None) -> list[tuple[int, float]]:
     """Return the limits (n,) of rates (K, n), both ways, that are no more than twice the greatest value of their joint,
     each with the number of the joint."""
-    reach = np.abs(values).max(axis=0)
-    near = [] if limits is None else np.flatnonzero(limits <= 2.0 * reach).tolist()
-    return [(i, sign * float(limits[i])) for i in near for sign in (-1.0, 1.0) if limits is not None]
+    if limits is None:
+        return []
+    near = np.flatnonzero(limits <= 2.0 * np.abs(values).max(axis=0)).tolist()
+    return [(i, sign * float(limits[i])) for i in near for sign in (-1.0, 1.0)]
 
 
 def _lanes(values: Sequence[Array], near: Sequence[tuple[int, float]]) -> list[SPAN]:
