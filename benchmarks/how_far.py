@@ -1,18 +1,17 @@
 """How far proofs reach: plan, prove and verify motions of every kind of problem, and count what is accepted.
 
-    python benchmarks/how_far.py DIR [--group NAME ...] [--time-limit S] [--state FILE]
+    python benchmarks/how_far.py DIR [--group NAME ...] [--time-limit S]
 
 DIR as in benchmarks/mbm.py, with the narrow places of benchmarks/narrow.py beside it, in DIR/../opof. The problems: all
 shipped scenes and jobs, all of MotionBenchMaker for Panda and UR5, a hundred each for Fetch and Baxter, and fifty of
 each set of narrow places, all evenly spread. Each is planned with the command's defaults; of the motion's file a proof
 is written, and checked. Prints a row for each group, and what is lacking with how often; to the error stream, a line
-per problem. With a file of `--state`, an interrupted run is resumed.
+per problem.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import sys
 import tempfile
@@ -23,7 +22,7 @@ from pathlib import Path
 import narrow
 import numpy as np
 import yaml
-from problems import RealProblem, real_problems
+from problems import real_problems
 
 import hdplan
 from hdplan.planner.job.proof import prove_job
@@ -46,22 +45,12 @@ def problems(group: str, folder: Path, place: Path) -> Iterator[Problem]:
             yield name, file, None
     elif group in MANY:
         found = real_problems(folder, group)
-        for i in spread(len(found), MANY[group]):
-            yield f"{found[i].set} {found[i].number}", *files(found[i])
+        for i in np.unique(np.linspace(0, len(found) - 1, min(len(found), MANY[group])).round().astype(int)):
+            yield f"{found[i].set} {found[i].number}", found[i].scene_file, found[i].beside
     else:
         for number, scene in narrow.scenes(folder.absolute().parent / "opof", group, NARROW_EVERY, 0):
             (place / narrow.SCENE).write_text(yaml.safe_dump(scene, sort_keys=False))
             yield number, place / narrow.SCENE, None
-
-
-def files(problem: RealProblem) -> tuple[Path, tuple[Path, str]]:
-    """The scene of a problem, and its request and robot."""
-    return problem.scene_file, (problem.request_file, str(problem.robot_file))
-
-
-def spread(count: int, most: int) -> list[int]:
-    """At most as many of `count` numbers, evenly spread."""
-    return list(map(int, np.unique(np.linspace(0, count - 1, min(count, most)).round())))
 
 
 def outcome(file: Path, beside: tuple[Path, str] | None, place: Path, time_limit: float) -> str:
@@ -115,20 +104,14 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--group", nargs="+", choices=GROUPS, default=GROUPS)
     parser.add_argument("--time-limit", type=float, default=10.0)
-    parser.add_argument("--state", type=Path, help="a file with what was found, to go on where it was ended")
     options = parser.parse_args()
-    state, found = options.state, dict[str, dict[str, str]]()
-    if state is not None and state.is_file():
-        found = json.loads(state.read_text())
+    found: dict[str, dict[str, str]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for group in options.group:
-            done = found.setdefault(group, {})
+            done = found[group] = {}
             for name, file, beside in problems(group, options.folder, Path(folder)):
-                if name not in done:
-                    done[name] = outcome(file, beside, Path(folder), options.time_limit).replace(folder, "")
-                    print(group, name, done[name], file=sys.stderr, flush=True)
-                    if state is not None:
-                        state.write_text(json.dumps(found))
+                done[name] = outcome(file, beside, Path(folder), options.time_limit).replace(folder, "")
+                print(group, name, done[name], file=sys.stderr, flush=True)
     print(table(found), lacking(found), sep="\n\n")
 
 

@@ -48,9 +48,14 @@ class RealProblem:
         """The `robot` section that all problems of the robot share."""
         return self.scene_file.parents[1] / "robot.yaml"
 
+    @property
+    def beside(self) -> tuple[Path, str]:
+        """Its request and its robot, as they go beside the scene to hdplan's functions."""
+        return self.request_file, str(self.robot_file)
+
     def load(self) -> hdplan.Scene:
         """Read it. Raises InputError for a bad file."""
-        return hdplan.load_scene(self.scene_file, request=self.request_file, robot=self.robot_file)
+        return hdplan.load_scene(self.scene_file, *self.beside)
 
 
 def problem_parser(description: str | None) -> argparse.ArgumentParser:

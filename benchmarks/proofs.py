@@ -58,7 +58,7 @@ def run(problem: RealProblem, folder: Path, time_limit: float) -> Outcome:
         return Outcome(problem.robot, name, f"not planned: {error}")
     if not result.certified:
         return Outcome(problem.robot, name, f"not certified: {result.certificate.text}")
-    scene, motion, beside = problem.scene_file, folder / "motion.json", (problem.request_file, str(problem.robot_file))
+    scene, motion, beside = problem.scene_file, folder / "motion.json", problem.beside
     result.save(motion)
     certifier = Certifier(Setup.of(problem.load()))
     certified = time.process_time()

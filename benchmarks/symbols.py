@@ -1,13 +1,12 @@
 """The problem in symbols as it stands: what it costs to build, compile, evaluate and solve, beside the loops.
 
-    python benchmarks/symbols.py [DIR] [--every K] [--shipped K] [--kept FILE]
+    python benchmarks/symbols.py [DIR] [--every K] [--shipped K]
 
 The problems are every K-th shipped scene and, with DIR, every K-th of MotionBenchMaker's for the Panda. First the
 figures of each form: the graph in CasADi's interpreter, the graph as generated C, and the loops behind form external.
 Then solvers on the graph as C, from the guesses that the planner has: the straight line, then ways through its roadmap;
 at one weight of the penalty after another, each to a tolerance of 1e-4 or for 60 steps, until a motion is certified;
-where none is, why. Times are of the processor, that of the compiler included. What is measured is appended to FILE,
-problem by problem, and not measured again by a run with the same FILE.
+where none is, why. Times are of the processor, that of the compiler included.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import itertools
-import json
 import os
 import sys
 import tempfile
@@ -62,26 +60,18 @@ def main() -> None:
     parser.add_argument("folder", nargs="?", type=Path, metavar="DIR")
     parser.add_argument("--every", type=int, default=10)
     parser.add_argument("--shipped", type=int, default=1)
-    parser.add_argument("--kept", type=Path, metavar="FILE")
     options = parser.parse_args()
     problems = [(name, hdplan.load_scene) for name in list(shipped_scenes())[options.shipped - 1 :: options.shipped]]
     if options.folder is not None:
         drawn = real_problems(options.folder, "panda", options.every)
         problems += [(f"{each.set} {each.number}", lambda _, each=each: each.load()) for each in drawn]  # type: ignore[misc]
-    kept: dict[str, dict[str, Any]] = {}
-    if options.kept is not None and options.kept.exists():
-        kept = {found["name"]: found for found in map(json.loads, options.kept.read_text().splitlines())}
-    for number, (name, load) in enumerate(problems):
-        if name not in kept:
-            problem = hdplan.build(load(name))
-            problem = problem.resampled(problem.polyline())
-            forms = measured(problem)
-            kept[name] = {"name": name, "forms": forms, "solved": {each: tried(problem, each) for each in SOLVERS}}
-            if options.kept is not None:
-                with options.kept.open("a") as file:
-                    file.write(json.dumps(kept[name]) + "\n")
-        print(f"{number + 1} of {len(problems)}: {kept[name]}", file=sys.stderr, flush=True)
-    found = [kept[name] for name, _ in problems]
+    found: list[dict[str, Any]] = []
+    for name, load in problems:
+        problem = hdplan.build(load(name))
+        problem = problem.resampled(problem.polyline())
+        forms = measured(problem)
+        found.append({"name": name, "forms": forms, "solved": {each: tried(problem, each) for each in SOLVERS}})
+        print(f"{len(found)} of {len(problems)}: {found[-1]}", file=sys.stderr, flush=True)
     print(markdown_text([form_row(form, [each["forms"] for each in found]) for form in found[0]["forms"]]))
     print()
     print(markdown_text([solver_row(plugin, [each["solved"][plugin] for each in found]) for plugin in SOLVERS]))
