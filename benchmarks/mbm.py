@@ -60,7 +60,7 @@ def run(problem: RealProblem, time_limit: float, check: bool) -> Outcome:
             file = Path(temporary) / "motion.json"
             result.save(file)
             found = recheck(file, problem.scene_file, problem.request_file, problem.robot_file)
-        verdict = "free" if found["free"] else f"refuted: {found}"
+        verdict = f"refuted: {found}" if found else "free"
     clearance = result.certificate.clearance
     status = result.certificate.status.value
     return Outcome(

@@ -18,6 +18,7 @@ import dataclasses
 import itertools
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 from problems import HANDS, LIMITS, RealProblem, real_problems, with_pose_goal
