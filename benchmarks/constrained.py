@@ -20,8 +20,9 @@ from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
-import pinocchio as pin
+from cells import quantiles
 from dense_search import DenseSearch
+from problems import pose_of
 from processor_time import add_processor_time, set_clock
 from scipy.spatial.transform import Rotation
 
@@ -85,14 +86,13 @@ def request(kind: str, number: int) -> Scene:
     start, goal = both
     scene = replace(scene, start=JointTarget("start", tuple(start.tolist())))
     if number // 2 % 2:
-        return scene.with_goal(PoseTarget(link, pose_of(scene, link, goal), field="goal"))
+        return scene.with_goal(PoseTarget(link, pose_of(load_scene_robot(scene), link, goal), field="goal"))
     return replace(scene, goal=JointTarget("goal", tuple(goal.tolist())))
 
 
 def clutter(rng: np.random.Generator) -> tuple[Obstacle, ...]:
     """A floor, and boxes around the robot."""
-    floor = Obstacle("floor", Box((3.0, 3.0, 0.1)), Pose((0.0, 0.0, -0.15)))
-    found = [floor]
+    found = [Obstacle("floor", Box((3.0, 3.0, 0.1)), Pose((0.0, 0.0, -0.15)))]
     for i in range(BOXES):
         angle, away, up = rng.uniform(-np.pi, np.pi), rng.uniform(0.35, 0.85), rng.uniform(0.0, 0.9)
         place = (away * np.cos(angle), away * np.sin(angle), up)
@@ -115,17 +115,8 @@ def box(scene: Scene, link: str, rng: np.random.Generator) -> Within:
     size = np.where(rng.random(3) < 0.5, inf, np.exp(rng.uniform(np.log(0.004), np.log(0.4), 3)))
     if np.isinf(size).all():
         size[0] = 0.02
-    centre = pose_of(scene, link, robot.draw(rng, 1)[0]).matrix @ np.array([*TOOL, 1.0])
+    centre = pose_of(robot, link, robot.draw(rng, 1)[0]).matrix @ np.array([*TOOL, 1.0])
     return Within(link, tuple(size.tolist()), Pose(centre[:3], Rotation.random(random_state=rng).as_quat()), TOOL)
-
-
-def pose_of(scene: Scene, link: str, q: Array) -> Pose:
-    """Where a configuration (n,) brings a link."""
-    robot = load_scene_robot(scene)
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    place = data.oMf[robot.model.getFrameId(link)]
-    return Pose(place.translation, Rotation.from_matrix(place.rotation).as_quat())
 
 
 def ends(scene: Scene, rng: np.random.Generator) -> tuple[Array, Array] | None:
@@ -192,7 +183,6 @@ def searched(scene: Scene, seconds: float) -> str:
 def row(kind: str, found: list[Outcome]) -> dict[str, Cell]:
     """Sum up the requests of one kind."""
     missed = [outcome for outcome in found if outcome.dense.startswith("certified")]
-    median, high = np.quantile([outcome.seconds for outcome in found], [0.5, 0.95])
     return {
         "kind": kind,
         "requests": len(found),
@@ -200,7 +190,7 @@ def row(kind: str, found: list[Outcome]) -> dict[str, Cell]:
         "missed": " ".join([f"{len(missed)}", *(f"({outcome.number})" for outcome in missed)]),
         "a way, not certified": sum(outcome.dense.startswith("a way") for outcome in found),
         "no way known": sum(outcome.dense.startswith("no") for outcome in found),
-        "time median / p95 [s]": f"{median:.2f} / {high:.2f}",
+        "time median / p95 [s]": quantiles([outcome.seconds for outcome in found], digits=2),
     }
 
 

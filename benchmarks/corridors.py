@@ -1,6 +1,6 @@
 """The cause of the HD-SDF's smooth commands: random corridors, parallel and not, at equal clearance.
 
-    python benchmarks/corridors.py [--corridors 8] [--processes 1]
+    python benchmarks/corridors.py [--corridors 8]
 
 In half of the corridors walls and roof are parallel, in the other half each is turned by up to 0.15 rad about each
 axis. The paper's Panda of boxes enters under the paper's own controller (`corridor_experiment.py`), fitted bodies under
@@ -15,9 +15,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -130,39 +128,26 @@ def cases() -> dict[str, tuple[Made, ControlSettings]]:
     }
 
 
-def entered(words: str, parallel: bool, seed: int) -> tuple[float, ...]:
-    """Return the row of `compared` for one case in one corridor."""
-    make, settings = cases()[words]
-    return compared(make, load_scene_robot(corridor_scene()), corridor(seed, parallel), settings)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--corridors", type=int, default=8)
-    parser.add_argument("--processes", type=int, default=1)
     given = parser.parse_args()
-    rows = []
-    with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
-        for words in cases():
-            for parallel in (True, False):
-                count = given.corridors // 2
-                found = np.array(list(pool.map(entered, count * [words], count * [parallel], range(count))))
-                variation, ratio, energy, clearance = map(_spread, (found[:, :4] * (1.0, 1.0, 1.0, 1e3)).T)
-                kind = f"{count} {'parallel' if parallel else 'turned'}"
-                rougher = int((found[:, 1] > 1.0).sum())
-                missed = 1e3 * np.abs(found[:, 4]).max()
-                rows.append(
-                    {
-                        "bodies and barrier": words,
-                        "corridors": kind,
-                        "total variation [rad/s]": variation,
-                        "over the exact distance's": ratio,
-                        "energy above 5 Hz over its": energy,
-                        "rougher in": rougher,
-                        "clearance [mm]": clearance,
-                        "matched to [mm]": f"{missed:.2g}",
-                    }
-                )
+    rows, count, robot = [], given.corridors // 2, load_scene_robot(corridor_scene())
+    for words, (make, settings) in cases().items():
+        for parallel in (True, False):
+            found = np.array([compared(make, robot, corridor(seed, parallel), settings) for seed in range(count)])
+            variation, ratio, energy, clearance = map(_spread, (found[:, :4] * (1.0, 1.0, 1.0, 1e3)).T)
+            row = {
+                "bodies and barrier": words,
+                "corridors": f"{count} {'parallel' if parallel else 'turned'}",
+                "total variation [rad/s]": variation,
+                "over the exact distance's": ratio,
+                "energy above 5 Hz over its": energy,
+                "rougher in": int((found[:, 1] > 1.0).sum()),
+                "clearance [mm]": clearance,
+                "matched to [mm]": f"{1e3 * np.abs(found[:, 4]).max():.2g}",
+            }
+            rows.append(row)
     print(markdown_text(rows))
 
 

@@ -1,10 +1,10 @@
 """How far proofs reach: plan, prove and verify motions of every kind of problem, and count what is accepted.
 
-    python benchmarks/how_far.py DIR [--group NAME ...] [--time-limit S]
+    python benchmarks/how_far.py DIR [--group NAME ...] [--most N] [--time-limit S]
 
 DIR as in benchmarks/mbm.py, with the narrow places of benchmarks/narrow.py beside it, in DIR/../opof. The problems: all
-shipped scenes and jobs, all of MotionBenchMaker for Panda and UR5, a hundred each for Fetch and Baxter, and fifty of
-each set of narrow places, all evenly spread. Each is planned with the command's defaults; of the motion's file a proof
+shipped scenes and jobs, and of MotionBenchMaker for each robot and of each set of narrow places N at most, evenly
+spread. Each is planned with the command's defaults; of the motion's file a proof
 is written, and checked. Prints a row for each group, and what is lacking with how often; to the error stream, a line
 per problem.
 """
@@ -31,24 +31,24 @@ from hdplan.scenes.yaml_format.reader import shipped_jobs, shipped_scenes
 from hdplan.verify import RejectedError
 from hdplan.verify.checking import check, check_job
 
-MANY = {"panda": 1000, "ur5": 1000, "fetch": 100, "baxter": 100}  # at most, of MotionBenchMaker
-NARROW_EVERY = 10  # fifty of each set
-GROUPS = ("shipped", *MANY, *narrow.SETS)
+ROBOTS = ("panda", "ur5", "fetch", "baxter")  # of MotionBenchMaker
+GROUPS = ("shipped", *ROBOTS, *narrow.SETS)
+NARROW = 500  # problems of a set in narrow places
 KINDS = ("whole", "in part", "not written", "rejected")
 Problem = tuple[str, Path, tuple[Path, str] | None]  # name and files: the scene, and what goes beside it
 
 
-def problems(group: str, folder: Path, place: Path) -> Iterator[Problem]:
+def problems(group: str, folder: Path, most: int, place: Path) -> Iterator[Problem]:
     """Yield those of a group; scenes that have no file are written into `place`."""
     if group == "shipped":
         for name, file in {**shipped_scenes(), **shipped_jobs()}.items():
             yield name, file, None
-    elif group in MANY:
+    elif group in ROBOTS:
         found = real_problems(folder, group)
-        for i in np.unique(np.linspace(0, len(found) - 1, min(len(found), MANY[group])).round().astype(int)):
+        for i in np.unique(np.linspace(0, len(found) - 1, min(len(found), most)).round().astype(int)):
             yield f"{found[i].set} {found[i].number}", found[i].scene_file, found[i].beside
     else:
-        for number, scene in narrow.scenes(folder.absolute().parent / "opof", group, NARROW_EVERY, 0):
+        for number, scene in narrow.scenes(folder.absolute().parent / "opof", group, max(1, NARROW // most), 0):
             (place / narrow.SCENE).write_text(yaml.safe_dump(scene, sort_keys=False))
             yield number, place / narrow.SCENE, None
 
@@ -103,13 +103,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--group", nargs="+", choices=GROUPS, default=GROUPS)
+    parser.add_argument("--most", type=int, default=50, help="problems of a group that is not shipped")
     parser.add_argument("--time-limit", type=float, default=10.0)
     options = parser.parse_args()
     found: dict[str, dict[str, str]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for group in options.group:
             done = found[group] = {}
-            for name, file, beside in problems(group, options.folder, Path(folder)):
+            for name, file, beside in problems(group, options.folder, options.most, Path(folder)):
                 done[name] = outcome(file, beside, Path(folder), options.time_limit).replace(folder, "")
                 print(group, name, done[name], file=sys.stderr, flush=True)
     print(table(found), lacking(found), sep="\n\n")

@@ -21,6 +21,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from cells import milliseconds
 from problems import HANDS, LIMITS, RealProblem, real_problems, with_pose_goal
 from threadpoolctl import threadpool_limits
 
@@ -114,6 +115,7 @@ def row(outcomes: list[Outcome]) -> dict[str, Cell]:
     """Sum up the outcomes of one kind of goal and number of rounds; means over the certified motions."""
     good = [outcome for outcome in outcomes if outcome.certified]
     ran = [outcome for outcome in outcomes if np.isfinite(outcome.plan)]
+    processor = [outcome.processor for outcome in ran]
     return {
         "goals, rounds": f"{outcomes[0].goals}, {outcomes[0].rounds}",
         "payload [kg]": f"{outcomes[0].payload:g}",
@@ -123,19 +125,14 @@ def row(outcomes: list[Outcome]) -> dict[str, Cell]:
         "path mean [rad]": f"{_mean([o.length for o in good]):.2f}",
         "largest jerk [rad/s³]": f"{max((o.jerk for o in good), default=np.nan):.0f}",
         "energy mean [J]": f"{_mean([o.energy for o in good]):.1f}",
-        "plan median / p95 [ms]": _spread([o.plan for o in ran]),
-        "proofs median / p95 [ms]": _spread([o.proofs for o in ran]),
-        "both, processor time mean / median / p95 [ms]": f"{1e3 * _mean([o.processor for o in ran]):.0f} / "
-        + _spread([o.processor for o in ran]),
+        "plan median / p95 [ms]": milliseconds([o.plan for o in ran]),
+        "proofs median / p95 [ms]": milliseconds([o.proofs for o in ran]),
+        "both, processor time mean / median / p95 [ms]": f"{1e3 * _mean(processor):.0f} / {milliseconds(processor)}",
     }
 
 
 def _mean(values: list[float]) -> float:
     return float(np.mean(values)) if values else np.nan
-
-
-def _spread(seconds: list[float]) -> str:
-    return " / ".join(f"{1e3 * value:.0f}" for value in np.quantile(seconds or [np.nan], [0.5, 0.95]))
 
 
 # --- command line -----------------------------------------------------------------------------------------------------

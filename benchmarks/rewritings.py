@@ -26,13 +26,12 @@ from typing import Any
 import numpy as np
 import yaml
 from campaign import meshes_of, table
+from proven import proven
 from scipy.spatial.transform import Rotation
 
 import hdplan
 from hdplan.scenes.robot_files.library import description_of
 from hdplan.scenes.yaml_format.reader import find_scene
-from hdplan.verify import RejectedError
-from hdplan.verify.checking import check
 
 Random = np.random.Generator
 
@@ -372,18 +371,6 @@ class Original:
         path.write_text(text, encoding="utf-8", newline=str(rng.choice(["\n", "\r\n"])))
 
 
-def accepted(scene: Path, motion: Path) -> str:
-    """Prove and check; return "accepted", or why not."""
-    try:
-        proof = hdplan.prove(scene, motion)
-        verdict, _ = check(scene, motion, proof.data)
-    except hdplan.HdplanError as error:
-        return f"not proven: {error}"
-    except RejectedError as error:
-        return f"rejected: {error}"
-    return "accepted" if verdict.whole else verdict.text.partition("\n")[0]
-
-
 def main() -> None:
     """Run the campaign from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -398,7 +385,7 @@ def main() -> None:
         original = originals[number % len(originals)]
         with tempfile.TemporaryDirectory() as place:
             files = original.rewrite(np.random.default_rng([options.seed, number]), Path(place))
-            verdict = accepted(*files)
+            verdict = proven(*files)
             found[original.name][verdict.partition(":")[0]] += 1
             if verdict != "accepted":
                 print(number, original.name, verdict.replace(place, ""), file=sys.stderr, flush=True)

@@ -111,7 +111,8 @@ def excused(world: World, robot: Any, names: tuple[str, ...]) -> set[tuple[int, 
     pairs = [p for p in world.pairs if frozenset((world.bodies[p[0]].name, world.bodies[p[1]].name)) in always]
     if not pairs:
         return set()
-    q = np.random.default_rng(0).uniform(*world.machine.reach(names, np.pi), (16, len(names)))
+    low, high = world.machine.reach(names, np.pi)
+    q = np.random.default_rng(0).uniform(low, high, (16, len(names)))
     every, world.pairs = world.pairs, pairs
     places = world.places(names, q, np.zeros(16))
     touching = [
