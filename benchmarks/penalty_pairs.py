@@ -48,9 +48,9 @@ def measure(ours: Problem, exact: Problem) -> list[PairTimes]:
             continue
         assert isinstance(mine.distance, HdsdfPairs)
         assert isinstance(other.distance, FclPairs)
-        ours, theirs = (_quickest(partial(each.distance, kinematics, sample, pair)) for each in (mine, other))
-        loop = _loop_seconds(other.distance, kinematics, sample, pair)
-        result.append(PairTimes(len(pair), ours / len(pair), theirs / len(pair), loop / len(pair)))
+        once = [_quickest(partial(each.distance, kinematics, sample, pair)) for each in (mine, other)]
+        once.append(_loop_seconds(other.distance, kinematics, sample, pair))
+        result.append(PairTimes(len(pair), *(seconds / len(pair) for seconds in once)))
     return result
 
 

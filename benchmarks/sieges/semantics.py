@@ -120,9 +120,8 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return value.resolve()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return type(value).__name__, [
-            (f.name, _plain(getattr(value, f.name))) for f in dataclasses.fields(value) if f.compare
-        ]
+        names = [field.name for field in dataclasses.fields(value) if field.compare]
+        return type(value).__name__, [(name, _plain(getattr(value, name))) for name in names]
     if isinstance(value, tuple):
         return tuple(_plain(item) for item in value)
     return value
