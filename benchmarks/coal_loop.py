@@ -51,7 +51,11 @@ class CoalLoop:
         parts: list[Array] = []
         for body in (body_a, body_b):
             faces = triangles(body)
-            parts += [np.array([len(body.vertices), len(faces)], float), body.vertices.ravel(), 1.0 * faces.ravel()]
+            parts += [
+                np.array([len(body.vertices), len(faces)], float),
+                body.vertices.ravel(),
+                faces.ravel().astype(float),
+            ]
         rows = [part.reshape(len(a), -1) for x in (a, b) for part in (x[:, :3, :3], x[:, :3, 3])]
         np.concatenate([*parts, [len(a)], np.hstack(rows).ravel()]).tofile(self._file)
 
