@@ -3,8 +3,8 @@
     python benchmarks/how_far.py DIR [--group NAME ...] [--most N] [--time-limit S]
 
 DIR as in benchmarks/mbm.py, with the narrow places of benchmarks/narrow.py beside it, in DIR/../opof. The problems: all
-shipped scenes and jobs, and of MotionBenchMaker for each robot and of each set of narrow places N at most, evenly
-spread. Each is planned with the command's defaults; of the motion's file a proof
+shipped scenes and jobs, all of MotionBenchMaker for Panda and UR5, a hundred each for Fetch and Baxter, and fifty of
+each set of narrow places, or N of each at most, all evenly spread. Each is planned with the command's defaults; of the motion's file a proof
 is written, and checked. Prints a row for each group, and what is lacking with how often; to the error stream, a line
 per problem.
 """
@@ -31,9 +31,9 @@ from hdplan.scenes.yaml_format.reader import shipped_jobs, shipped_scenes
 from hdplan.verify import RejectedError
 from hdplan.verify.checking import check, check_job
 
-ROBOTS = ("panda", "ur5", "fetch", "baxter")  # of MotionBenchMaker
-GROUPS = ("shipped", *ROBOTS, *narrow.SETS)
-NARROW = 500  # problems of a set in narrow places
+MANY = {"panda": 350, "ur5": 350, "fetch": 100, "baxter": 100}  # at most, of MotionBenchMaker
+NARROW, WHOLE = 50, 500  # problems of a set in narrow places: that are taken, and in all
+GROUPS = ("shipped", *MANY, *narrow.SETS)
 KINDS = ("whole", "in part", "not written", "rejected")
 Problem = tuple[str, Path, tuple[Path, str] | None]  # name and files: the scene, and what goes beside it
 
@@ -43,12 +43,12 @@ def problems(group: str, folder: Path, most: int, place: Path) -> Iterator[Probl
     if group == "shipped":
         for name, file in {**shipped_scenes(), **shipped_jobs()}.items():
             yield name, file, None
-    elif group in ROBOTS:
+    elif group in MANY:
         found = real_problems(folder, group)
-        for i in np.unique(np.linspace(0, len(found) - 1, min(len(found), most)).round().astype(int)):
+        for i in np.unique(np.linspace(0, len(found) - 1, min(len(found), MANY[group], most)).round().astype(int)):
             yield f"{found[i].set} {found[i].number}", found[i].scene_file, found[i].beside
     else:
-        for number, scene in narrow.scenes(folder.absolute().parent / "opof", group, max(1, NARROW // most), 0):
+        for number, scene in narrow.scenes(folder.absolute().parent / "opof", group, WHOLE // min(NARROW, most), 0):
             (place / narrow.SCENE).write_text(yaml.safe_dump(scene, sort_keys=False))
             yield number, place / narrow.SCENE, None
 
@@ -103,7 +103,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--group", nargs="+", choices=GROUPS, default=GROUPS)
-    parser.add_argument("--most", type=int, default=50, help="problems of a group that is not shipped")
+    parser.add_argument("--most", type=int, default=350, metavar="N", help="problems of a group")
     parser.add_argument("--time-limit", type=float, default=10.0)
     options = parser.parse_args()
     found: dict[str, dict[str, str]] = {}
