@@ -50,12 +50,8 @@ class CoalLoop:
         self._program, self._file = program, program.with_name("poses.bin")
         parts: list[Array] = []
         for body in (body_a, body_b):
-            faces = triangles(body)
-            parts += [
-                np.array([len(body.vertices), len(faces)], float),
-                body.vertices.ravel(),
-                faces.ravel().astype(float),
-            ]
+            faces = triangles(body).astype(float)
+            parts += [np.array([len(body.vertices), len(faces)], float), body.vertices.ravel(), faces.ravel()]
         rows = [part.reshape(len(a), -1) for x in (a, b) for part in (x[:, :3, :3], x[:, :3, 3])]
         np.concatenate([*parts, [len(a)], np.hstack(rows).ravel()]).tofile(self._file)
 

@@ -4,9 +4,9 @@
 
 DIR as in benchmarks/mbm.py, with the narrow places of benchmarks/narrow.py beside it, in DIR/../opof. The problems: all
 shipped scenes and jobs, all of MotionBenchMaker for Panda and UR5, a hundred each for Fetch and Baxter, and fifty of
-each set of narrow places, or N of each at most, all evenly spread. Each is planned with the command's defaults; of the motion's file a proof
-is written, and checked. Prints a row for each group, and what is lacking with how often; to the error stream, a line
-per problem.
+each set of narrow places, or N of each at most, all evenly spread. Each is planned with the command's defaults; of the
+motion's file a proof is written, and checked. Prints a row for each group, and what is lacking with how often; to the
+error stream, a line per problem.
 """
 
 from __future__ import annotations
@@ -23,18 +23,16 @@ import narrow
 import numpy as np
 import yaml
 from problems import real_problems
+from proven import proven
 
 import hdplan
-from hdplan.planner.job.proof import prove_job
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.yaml_format.reader import shipped_jobs, shipped_scenes
-from hdplan.verify import RejectedError
-from hdplan.verify.checking import check, check_job
 
 MANY = {"panda": 350, "ur5": 350, "fetch": 100, "baxter": 100}  # at most, of MotionBenchMaker
 NARROW, WHOLE = 50, 500  # problems of a set in narrow places: that are taken, and in all
 GROUPS = ("shipped", *MANY, *narrow.SETS)
-KINDS = ("whole", "in part", "not written", "rejected")
+KINDS = ("accepted", "in part", "not written", "rejected")  # whole, in part: accepted
 Problem = tuple[str, Path, tuple[Path, str] | None]  # name and files: the scene, and what goes beside it
 
 
@@ -54,7 +52,7 @@ def problems(group: str, folder: Path, most: int, place: Path) -> Iterator[Probl
 
 
 def outcome(file: Path, beside: tuple[Path, str] | None, place: Path, time_limit: float) -> str:
-    """Plan, prove and check: "whole", or what is lacking."""
+    """Plan, prove and check: "accepted", or what is lacking."""
     scene = hdplan.load_scene(file, *beside) if beside else hdplan.load_scene(file)
     motion = place / "motion.json"
     try:
@@ -64,15 +62,7 @@ def outcome(file: Path, beside: tuple[Path, str] | None, place: Path, time_limit
     if not result.certified:
         return f"not planned: {result.certificate.text}"
     result.save(motion)
-    try:
-        data = prove_job(file, motion).data if scene.job else hdplan.prove(file, motion, *beside or ()).data
-    except hdplan.HdplanError as error:
-        return f"not written: {error}"
-    try:
-        verdict = (check_job(file, motion, data) if scene.job else check(file, motion, data, *beside or ()))[0]
-    except RejectedError as error:
-        return f"rejected: {error}"
-    return "whole" if verdict.whole else f"in part: {verdict.text.splitlines()[0]}"
+    return proven(file, motion, *beside or (), job=scene.job is not None)
 
 
 def table(found: dict[str, dict[str, str]]) -> str:
@@ -81,8 +71,9 @@ def table(found: dict[str, dict[str, str]]) -> str:
     for group, each in found.items():
         kinds = Counter(x.partition(":")[0] for x in each.values())
         free, planned = len(each) - kinds["no ends"], sum(kinds[x] for x in KINDS)
-        rows.append({"group": group, "problems": len(each), "ends are free": free, "certified": planned,
-                     **{f"accepted {x}" if x in KINDS[:2] else x: kinds[x] for x in KINDS}})  # fmt: skip
+        row = {"group": group, "problems": len(each), "ends are free": free, "certified": planned}
+        columns = "accepted whole", "accepted in part", *KINDS[2:]
+        rows.append(row | {column: kinds[kind] for column, kind in zip(columns, KINDS, strict=True)})
     return markdown_text(rows)
 
 

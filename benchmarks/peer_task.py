@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import pinocchio as pin
@@ -134,6 +134,12 @@ class Task:
         """Upper joint limits (n,), likewise."""
         ends = np.maximum(self.start, self.goal)
         return np.where(np.isinf(self.robot.upper), ends + np.pi, np.maximum(self.robot.upper, ends))
+
+    @property
+    def excused(self) -> list[tuple[int, int]]:
+        """The pairs of bodies that may touch: all that are not in `pairs`."""
+        kept = {frozenset(pair) for pair in self.pairs}
+        return [pair for pair in combinations(range(len(self.bodies)), 2) if frozenset(pair) not in kept]
 
     def geometry(self) -> pin.GeometryModel:
         """Return bodies and pairs as Pinocchio's geometry, the robot's links and the world in one."""

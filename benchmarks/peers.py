@@ -52,6 +52,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,7 @@ from hdplan.planner.studies.report import markdown_text
 
 SEED = 1  # OMPL takes no 0
 FINE = 0.02  # [rad] joint-space step at which an edge is checked
+DISCRETE, BY_BOUNDS = {"validation": "Discretized", "tolerance": 0.05}, {"validation": "Dichotomy", "tolerance": 0.0}
 WARM_UP = 1.0  # [s] time limit of the run that is not measured
 
 Planner = Callable[[Task, float], Answer]  # of the task and the time limit [s]
@@ -106,38 +108,25 @@ def apart(script: str, keeps_margin: bool = False, **options: object) -> Planner
     return run
 
 
+TRAJOPT = partial(apart, "peer_trajopt.py", segment=0.1)
+ROBOPLAN, HPP = partial(apart, "peer_roboplan.py"), partial(apart, "peer_hpp.py")
 PLANNERS: dict[str, tuple[str, Callable[[], Planner]]] = {  # with their words in the table
     "hdplan": ("hdplan, timing and proofs included", lambda: hdplan_planner),
-    "drake-25": ("Drake, 25 collision samples", lambda: drake(25)),
-    "drake-100": ("Drake, 100 collision samples", lambda: drake(100)),
-    "trajopt": ("TrajOpt (Tesseract), casts every 0.1 rad, no margin", lambda: apart("peer_trajopt.py", segment=0.1)),
-    "trajopt-5mm": (
-        "TrajOpt (Tesseract), casts every 0.1 rad, 5 mm kept",
-        lambda: apart("peer_trajopt.py", keeps_margin=True, segment=0.1),
-    ),
-    "rrtconnect": (f"OMPL RRTConnect, checked every {FINE:g} rad, 5 mm kept", lambda: ompl("RRTConnect")),
+    "drake-25": ("Drake, 25 collision samples", partial(drake, 25)),
+    "drake-100": ("Drake, 100 collision samples", partial(drake, 100)),
+    "trajopt": ("TrajOpt (Tesseract), casts every 0.1 rad, no margin", TRAJOPT),
+    "trajopt-5mm": ("TrajOpt (Tesseract), casts every 0.1 rad, 5 mm kept", partial(TRAJOPT, keeps_margin=True)),
+    "rrtconnect": (f"OMPL RRTConnect, checked every {FINE:g} rad, 5 mm kept", partial(ompl, "RRTConnect")),
     "rrtconnect-1%": (
         "OMPL RRTConnect, OMPL's own resolution, no margin",
-        lambda: ompl("RRTConnect", as_it_comes=True),
+        partial(ompl, "RRTConnect", as_it_comes=True),
     ),
-    "aorrtc-1s": ("OMPL AORRTC, 1 s", lambda: ompl("AORRTC", most_seconds=1.0)),
-    "aorrtc": ("OMPL AORRTC, to the time limit", lambda: ompl("AORRTC")),
-    "roboplan": (
-        "roboplan RRT-Connect, its own resolution (0.05 rad), no margin",
-        lambda: apart("peer_roboplan.py", step=0.05),
-    ),
-    "roboplan-fine": (
-        "roboplan RRT-Connect, checked every 0.01 rad, no margin",
-        lambda: apart("peer_roboplan.py", step=0.01),
-    ),
-    "hpp": (
-        "HPP bidirectional RRT, checked every 0.05 rad, no margin",
-        lambda: apart("peer_hpp.py", validation="Discretized", tolerance=0.05),
-    ),
-    "hpp-proven": (
-        "HPP bidirectional RRT, edges proven by itself",
-        lambda: apart("peer_hpp.py", validation="Dichotomy", tolerance=0.0),
-    ),
+    "aorrtc-1s": ("OMPL AORRTC, 1 s", partial(ompl, "AORRTC", most_seconds=1.0)),
+    "aorrtc": ("OMPL AORRTC, to the time limit", partial(ompl, "AORRTC")),
+    "roboplan": ("roboplan RRT-Connect, its own resolution (0.05 rad), no margin", partial(ROBOPLAN, step=0.05)),
+    "roboplan-fine": ("roboplan RRT-Connect, checked every 0.01 rad, no margin", partial(ROBOPLAN, step=0.01)),
+    "hpp": ("HPP bidirectional RRT, checked every 0.05 rad, no margin", partial(HPP, **DISCRETE)),
+    "hpp-proven": ("HPP bidirectional RRT, edges proven by itself", partial(HPP, **BY_BOUNDS)),
 }
 TO_POSES = ("hdplan", "trajopt", "trajopt-5mm", "roboplan", "roboplan-fine")
 
@@ -220,25 +209,22 @@ def overview(outcomes: list[Outcome], proofs: bool = False) -> str:
         pairs = [(o, ours[where]) for o in good if (where := (o.robot, o.set, o.problem)) in ours]
         shapes = [o.shape for o in good if o.shape]
         lengths = [(a.shape.length, b.shape.length) for a, b in pairs if a.shape and b.shape]
-        rows.append(
-            {
-                **({"robot": robot} if several else {}),
-                "planner": PLANNERS[planner][0],
-                "claimed": f"{sum(o.claimed for o in group)} of {len(group)}",
-                "proven": len(good),
-                **({"accepted": sum(o.accepted for o in good)} if proofs else {}),
-                "timed": sum(np.isfinite(o.motion) for o in good),
-                "planning median / p95 [ms]": milliseconds(seconds),
-                "length [rad]": _median([s.length for s in shapes], ".2f"),
-                "length, of hdplan's [%]": _share(lengths),
-                "motion time [s]": _median([o.motion for o in good if np.isfinite(o.motion)], ".2f"),
-                "motion time, of hdplan's [%]": _share(
-                    [(a.motion, b.motion) for a, b in pairs if np.isfinite(a.motion)]
-                ),
-                "∫ acceleration² [rad²]": _median([s.acceleration for s in shapes], ",.0f"),
-                "proven clearance median [mm]": _median([1e3 * o.clearance for o in good], ".1f"),
-            }
-        )
+        row = {
+            **({"robot": robot} if several else {}),
+            "planner": PLANNERS[planner][0],
+            "claimed": f"{sum(o.claimed for o in group)} of {len(group)}",
+            "proven": len(good),
+            **({"accepted": sum(o.accepted for o in good)} if proofs else {}),
+            "timed": sum(np.isfinite(o.motion) for o in good),
+            "planning median / p95 [ms]": milliseconds(seconds),
+            "length [rad]": _median([s.length for s in shapes], ".2f"),
+            "length, of hdplan's [%]": _share(lengths),
+            "motion time [s]": _median([o.motion for o in good if np.isfinite(o.motion)], ".2f"),
+            "motion time, of hdplan's [%]": _share([(a.motion, b.motion) for a, b in pairs if np.isfinite(a.motion)]),
+            "∫ acceleration² [rad²]": _median([s.acceleration for s in shapes], ",.0f"),
+            "proven clearance median [mm]": _median([1e3 * o.clearance for o in good], ".1f"),
+        }
+        rows.append(row)
     return markdown_text(rows)
 
 

@@ -111,14 +111,6 @@ class Arm:
         self.q, self.dq = q, (q - self.q) / CHECK
 
 
-@dataclass(frozen=True)
-class Senses:
-    """What a replanner knows of the world."""
-
-    off: float | None = OFF  # [m] by which pictures are off; None: as far, but they hold no sizes
-    empty: bool = False  # nothing is there
-
-
 def cause(command: hdplan.Command, room: float, at_goal: float, due: float) -> str:
     """Return the cause that kept a step from proving a motion, by the words of its command; `room` [m] is left around
     the robot, `at_goal` around a robot at its goal, and `due` for a motion that ends at once."""
@@ -133,11 +125,11 @@ def cause(command: hdplan.Command, room: float, at_goal: float, due: float) -> s
     return "no way"
 
 
-def run(seed: int, seconds: float, senses: Senses) -> Outcome:
-    """Simulate one run."""
+def run(seed: int, seconds: float, off: float | None = OFF, empty: bool = False) -> Outcome:
+    """Simulate one run with pictures that are `off` [m], or as far, but without sizes; `empty`: nothing is there."""
     scene, goals = scene_of(seed)
     world, beside = World(seed), Beside()
-    if senses.empty:
+    if empty:
         world.walkers = []
     rng = np.random.default_rng([seed, 2])
     clock, steps, pictures, causes = [0.0], list[float](), list[float](), Counter[str]()
@@ -160,7 +152,7 @@ def run(seed: int, seconds: float, senses: Senses) -> Outcome:
         t = k * CHECK
         if t >= next_picture - 1e-9:
             next_picture += PICTURES
-            seen = [each.seen(senses.off) for each in world.there(t) if np.linalg.norm(each.at[:2]) <= SIGHT + 1e-6]
+            seen = [each.seen(off) for each in world.there(t) if np.linalg.norm(each.at[:2]) <= SIGHT + 1e-6]
             taken.append((t + rng.uniform(*SEEN_AFTER), t, seen))
         if t >= next_step - 1e-9:
             next_step += PERIOD
@@ -179,7 +171,7 @@ def run(seed: int, seconds: float, senses: Senses) -> Outcome:
             late += took > PERIOD
             coming.append((t + took + LATENCY, found))
             next_step = max(next_step, t + took)
-            due = SPEED * (t - seen_at + LATENCY + 2.0 * PERIOD + SETTLING) + (senses.off or 0.0)
+            due = SPEED * (t - seen_at + LATENCY + 2.0 * PERIOD + SETTLING) + (off or 0.0)
             near = at_goal = due
             if gaps.at is not None and found.why:
                 near = gaps.below(world.there(t), due)
@@ -262,13 +254,10 @@ def main() -> None:
     parser.add_argument("--trusting", action="store_true")
     options = parser.parse_args()
 
-    def driven(senses: Senses, wanted: bool = True) -> list[Outcome]:
-        seeds = range(options.first, options.first + options.runs)
-        return [run(seed, options.seconds, senses) for seed in seeds] if wanted else []
-
-    print(
-        table(driven(Senses()), driven(Senses(off=None), options.trusting), driven(Senses(empty=True), options.alone))
-    )
+    seeds, seconds = range(options.first, options.first + options.runs), options.seconds
+    trusting = [run(seed, seconds, off=None) for seed in seeds] if options.trusting else []
+    alone = [run(seed, seconds, empty=True) for seed in seeds] if options.alone else []
+    print(table([run(seed, seconds) for seed in seeds], trusting, alone))
 
 
 if __name__ == "__main__":

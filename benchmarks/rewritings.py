@@ -391,7 +391,7 @@ def main() -> None:
                 print(number, original.name, verdict.replace(place, ""), file=sys.stderr, flush=True)
                 if options.keep:
                     shutil.copytree(place, options.keep / str(number), dirs_exist_ok=True)
-    print(table(found, ("accepted", "not proven", "rejected"), "scene"))
+    print(table(found, ("accepted", "not written", "rejected"), "scene"))
 
 
 if __name__ == "__main__":

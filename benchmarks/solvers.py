@@ -71,12 +71,7 @@ def summary(group: str, outcomes: Sequence[dict[str, Outcome]]) -> list[dict[str
     for solver in outcomes[0]:
         own = [found[solver] for found in outcomes]
         ratios, lengths = (
-            [
-                getattr(found[solver], what)
-                / max(min(getattr(each, what) for each in found.values() if each.certified), 1e-9)
-                for found in outcomes
-                if found[solver].certified
-            ]
+            [getattr(found[solver], what) / least(found, what) for found in outcomes if found[solver].certified]
             for what in ("cost", "length")
         )
         row: dict[str, Cell] = {
@@ -90,6 +85,11 @@ def summary(group: str, outcomes: Sequence[dict[str, Outcome]]) -> list[dict[str
         }
         rows.append(row)
     return rows
+
+
+def least(found: dict[str, Outcome], what: str) -> float:
+    """The least cost or length of what is certified."""
+    return max(min(float(getattr(each, what)) for each in found.values() if each.certified), 1e-9)
 
 
 def scene_row(name: str, found: dict[str, Outcome]) -> dict[str, Cell]:

@@ -15,15 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hdplan.distance import (
-    ConvexBody,
-    hdsdf,
-    hdsdf_batch,
-    hdsdf_compiled,
-    hdsdf_derivatives,
-    hdsdf_function,
-    separation,
-)
+from hdplan import distance as library
 from hdplan.distance.baselines.coal import signed_distances
 from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
 from hdplan.scenes.array_types import Array
@@ -214,32 +206,32 @@ def _bodies(setting: int) -> tuple[Any, Any, dict[str, Any]]:
 
 
 def _body(solid: paper.Polytope) -> Any:
-    return ConvexBody.from_points(solid.points, solid.radius)
+    return library.ConvexBody.from_points(solid.points, solid.radius)
 
 
 def _reference(setting: int, pose_a: Array, pose_b: Array) -> tuple[Array, Array | None]:
     a, b, keywords = _bodies(setting)
-    value = hdsdf(a, pose_a, b, pose_b, **keywords)
-    return value, separation(a, pose_a, b, pose_b, normals=keywords["normals"])
+    value = library.hdsdf(a, pose_a, b, pose_b, **keywords)
+    return value, library.separation(a, pose_a, b, pose_b, normals=keywords["normals"])
 
 
 @functools.cache
 def _compiled(setting: int) -> Any:
     a, b, keywords = _bodies(setting)
-    return hdsdf_compiled(a, b, **keywords)
+    return library.hdsdf_compiled(a, b, **keywords)
 
 
 @functools.cache
 def _jax(setting: int) -> Any:
     a, b, keywords = _bodies(setting)
-    return hdsdf_batch(a, b, **keywords)
+    return library.hdsdf_batch(a, b, **keywords)
 
 
 @functools.cache
 def _function(setting: int) -> tuple[Any, Any]:
     """Return the CasADi function, and value, slope and curvature along a twist, by its own derivatives."""
     a, b, keywords = _bodies(setting)
-    function = hdsdf_function(a, b, **keywords)
+    function = library.hdsdf_function(a, b, **keywords)
     pose_a, pose_b, twist, t = ca.MX.sym("a", 4, 4), ca.MX.sym("b", 4, 4), ca.MX.sym("xi", 12), ca.MX.sym("t")
 
     def after(pose: Any, v: Any) -> Any:
@@ -266,7 +258,7 @@ def _casadi_along(setting: int, pose_a: Array, pose_b: Array, twist: Array) -> t
 
 def _reference_along(setting: int, pose_a: Array, pose_b: Array, twist: Array) -> tuple[Array, Array | None]:
     a, b, keywords = _bodies(setting)
-    found = hdsdf_derivatives(a, pose_a, b, pose_b, **keywords)
+    found = library.hdsdf_derivatives(a, pose_a, b, pose_b, **keywords)
     return _along((found.gradient, found.hessian), twist)
 
 

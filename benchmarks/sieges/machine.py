@@ -187,22 +187,13 @@ def _joint(element: ElementTree.Element) -> Joint:
     kind, limit, axis, mimic = element.get("type", ""), *map(element.find, ("limit", "axis", "mimic"))
     about: dict[str, str] = {} if limit is None else dict(limit.attrib)
     direction = np.array([float(word) for word in ("1 0 0" if axis is None else axis.get("xyz", "")).split()])
-    free = kind == "continuous"
-    return Joint(
-        element.get("name", ""),
-        kind,
-        _link(element, "parent"),
-        _link(element, "child"),
-        _origin(element),
-        direction / np.linalg.norm(direction),
-        -np.inf if free else float(about.get("lower", 0.0)),
-        np.inf if free else float(about.get("upper", 0.0)),
-        float(about.get("effort", 0.0)),
-        float(about.get("velocity", 0.0)),
-        None
-        if mimic is None
-        else (mimic.get("joint", ""), float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))),
-    )
+    low, high, effort, speed = (float(about.get(key, 0.0)) for key in ("lower", "upper", "effort", "velocity"))
+    low, high = (-np.inf, np.inf) if kind == "continuous" else (low, high)
+    follows = None
+    if mimic is not None:
+        follows = mimic.get("joint", ""), float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))
+    links, axis = (_link(element, "parent"), _link(element, "child")), direction / np.linalg.norm(direction)
+    return Joint(element.get("name", ""), kind, *links, _origin(element), axis, low, high, effort, speed, follows)
 
 
 def _link(element: ElementTree.Element, end: str) -> str:
