@@ -41,12 +41,7 @@ def sections(scene: Any, request: Any, spec: dict[str, Any], tree: Tree, semanti
 
 
 def sections_around(
-    scene: Any,
-    request: Any,
-    spec: dict[str, Any],
-    at: dict[str, tuple[int, Pose]],
-    joints: set[str],
-    solid: set[str],
+    scene: Any, request: Any, spec: dict[str, Any], at: dict[str, tuple[int, Pose]], joints: set[str], solid: set[str]
 ) -> dict[str, Any]:
     """Sections that need no more of the robot than where its links are, which have collision geometry, and the
     names of its joints; `matrix` has the robot's name, and the pairs of links that the allowed collision matrix tells

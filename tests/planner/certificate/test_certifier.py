@@ -17,7 +17,8 @@ import trimesh
 from scipy.interpolate import make_interp_spline
 from scipy.spatial import ConvexHull
 
-from hdplan.planner.build import build
+import hdplan
+from hdplan import InputError, Obstacle, Pose, Robot, RobotSpec, Scene, Trajectory, build, load_robot, load_scene
 from hdplan.planner.certificate import collision_proof, intervals, solids
 from hdplan.planner.certificate.certifier import Certifier, certify, check_configuration
 from hdplan.planner.certificate.exact_proximity import Piece, best_direction, link_pieces, mesh_pieces, obstacle_pieces
@@ -26,22 +27,12 @@ from hdplan.planner.control.controller import Controller
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.motion.motion_bounds import Chain, Motion
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import time_limit
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.obstacles import Obstacle, SelfCollision
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 from ..urdf import joint_text, link_text, robot_text, write_robot
 
@@ -601,7 +592,7 @@ def test_a_certifier_is_reusable_and_says_the_same(planar: RobotSpec) -> None:
 
 def test_a_robot_whose_links_are_not_checked_certifies_no_scene_in_which_they_are() -> None:
     scene = load_scene("panda_fold")
-    blind = dataclasses.replace(scene, self_collision=SelfCollision(checked=False))
+    blind = dataclasses.replace(scene, self_collision=hdplan.SelfCollision(checked=False))
     assert Certifier(Setup.of(blind)).sweep.pairs.group.max(initial=0) == 0
     with pytest.raises(InputError, match="are not checked against each other, the scene's are"):
         Certifier(Setup.of(scene, load_scene_robot(blind)))
@@ -633,7 +624,7 @@ def test_a_robot_for_which_less_is_proven_is_not_the_scenes(words: str) -> None:
 def test_a_robot_within_less_than_the_scenes_will_do_and_one_within_more_will_not() -> None:
     """Limits of position are the scene's: what the robot alone is within counts for nothing."""
     scene = load_scene("panda_cage")
-    narrow = dataclasses.replace(scene, limits=Limits(position={"panda_joint2": (-0.5, 0.5)}))
+    narrow = dataclasses.replace(scene, limits=hdplan.Limits(position={"panda_joint2": (-0.5, 0.5)}))
     assert Setup.of(scene, load_scene_robot(narrow)).robot.upper[1] == 0.5
     for made in (Setup.of, build, lambda scene, robot: Controller.of(scene, robot=robot)):
         with pytest.raises(InputError, match="its joint 'panda_joint2' may go beyond the limits of the scene's"):

@@ -17,21 +17,16 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
+from hdplan import Attached, Obstacle, Pose, RobotSpec, Scene, SteadyMotion, Trajectory
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.exact_proximity import link_pieces, mesh_pieces
 from hdplan.planner.certificate.part_distance import distance
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.solids import Solid
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Attached
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Mesh, Shape, Sphere
 from hdplan.scenes.targets import JointTarget
 

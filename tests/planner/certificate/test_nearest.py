@@ -7,15 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from hdplan import Box, Obstacle, Pose, SteadyMotion, Timing, load_scene
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.self_pairs import NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.shapes import Box
-from hdplan.scenes.timing import Timing
-from hdplan.scenes.yaml_format.reader import load_scene
 
 SCENES = ["panda_corridor", "ur5_table", "empty"]
 

@@ -18,25 +18,17 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from hdplan import Attached, Mesh, Obstacle, Pose, RobotSpec, Scene, SteadyMotion, Timing, Trajectory, certify
 from hdplan.planner.certificate import parts_loop
-from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.certificate.exact_proximity import Piece, Surface, box_piece, hull_piece
 from hdplan.planner.certificate.part_distance import Placed, closest_parts, distance, part_distance
 from hdplan.planner.certificate.parts import Parts
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.solids import Solid
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Attached
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.timing import Timing
 
 from ..urdf import joint_text, link_text, write_robot
 

@@ -10,16 +10,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly
 
-from hdplan.planner.certificate.certifier import certify
+from hdplan import Limits, RobotSpec, Scene, Trajectory, certify, load_robot
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import beyond_limits
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 
 PANDA = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571)

@@ -7,16 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
+from hdplan import Scene, Trajectory, load_scene, plan
 from hdplan.planner.certificate.certifier import ENDS_KEEP, Certifier, certify
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.plot import Subject
-from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.yaml_format.reader import load_scene
 
 ROUNDING = 1e-9  # [m]
 

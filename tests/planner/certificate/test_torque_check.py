@@ -9,20 +9,12 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate.certifier import certify
+from hdplan import InputError, Limits, Pose, Robot, RobotSpec, Scene, Trajectory, certify, load_robot
 from hdplan.planner.certificate.torque_bounds import torque_curvature
 from hdplan.planner.certificate.torque_check import check_torques
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 
 from ..urdf import joint_text, link_text, write_robot

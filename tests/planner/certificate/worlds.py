@@ -9,15 +9,14 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from hdplan import Box, Capsule, Cylinder, Ellipsoid, Mesh, Obstacle, Scene, Sphere, Trajectory
+import hdplan
+from hdplan import Box, Capsule, Cylinder, Ellipsoid, Mesh, Obstacle, Robot, Scene, Sphere, Trajectory, Uncertainty
 from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.planner.motion.robot_curve import curve_of
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.tracking import tracking
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.sizes import Calibration, Uncertainty
 
 Points = tuple[Array, Array]
 
@@ -59,7 +58,7 @@ class Worlds:
         self.shapes = [coal_shape(each) for each in scene.obstacles]
         self.motions = [ObstacleMotion.of(each) for each in scene.obstacles]
         self.lag = tracking(scene, robot)
-        self.base = scene.robot.calibration or Calibration()
+        self.base = scene.robot.calibration or hdplan.Calibration()
         self.data = robot.model.createData()
 
     def sampled(self, rng: np.random.Generator, count: int) -> Iterator[tuple[float, float]]:
@@ -130,8 +129,7 @@ class Worlds:
         places = self._placed(q)
         pairs = [(a, b) for one, other in self.robot.self_pairs for a in own[one] for b in own[other]]
         return min(
-            (_distance(items[a].geometry, places[a], items[b].geometry, places[b])[0] for a, b in pairs),
-            default=np.inf,
+            (_distance(items[a].geometry, places[a], items[b].geometry, places[b])[0] for a, b in pairs), default=np.inf
         )
 
 

@@ -13,19 +13,12 @@ import pytest
 from numpy.typing import NDArray
 
 import hdplan
+from hdplan import Box, InputError, Obstacle, OctoMap, Pose, Scene, SteadyMotion, Timing, Voxels, load_scene
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.geometry.octomap_files import DEPTH, read_octomap
 from hdplan.planner.geometry.voxel_grids import boxes_in, merged, read_map
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box
-from hdplan.scenes.timing import Timing
-from hdplan.scenes.voxel_grids import OctoMap, Voxels
-from hdplan.scenes.yaml_format.reader import load_scene
 
 Grid = NDArray[np.bool_]
 START = [-0.5, 0.3, 0.0, -1.8, 0.0, 2.1, 0.785]

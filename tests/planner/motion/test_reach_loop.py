@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hdplan import RobotSpec, load_robot
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.motion import motion_bounds
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.robot.loading import load_robot
-from hdplan.scenes.robot_spec import RobotSpec
 
 COUNT, INTERVALS = 40, 12  # bodies, intervals
 

@@ -14,17 +14,13 @@ import numpy as np
 import pytest
 import yaml
 
-from hdplan.planner.certificate.certifier import certify
+from hdplan import InputError, Trajectory, certify, load_scene, plan
 from hdplan.planner.certificate.rate_check import RateCheck
 from hdplan.planner.motion import ros_bag
 from hdplan.planner.motion.ros_message import joint_trajectory, read_message, robot_trajectory
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import FORMATS, WRITERS, check_length, check_output
-from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.yaml_format.reader import load_scene
 
 ROS = tuple(ending for ending in FORMATS if ending not in (".json", ".csv", ".npz"))
 NAMES = (
@@ -192,10 +188,7 @@ def test_the_librarys_own_decoder_reads_the_bag(tmp_path: Path) -> None:
 def test_a_bag_with_much_else_in_it(tmp_path: Path) -> None:
     """Other topics are passed over; MoveIt's message is read too; two trajectories are one too many."""
     motion = random_motion(7)
-    robot = {
-        "moveit_msgs/RobotTrajectory": "trajectory_msgs/JointTrajectory joint_trajectory",
-        **ros_bag.PARTS,
-    }
+    robot = {"moveit_msgs/RobotTrajectory": "trajectory_msgs/JointTrajectory joint_trajectory", **ros_bag.PARTS}
     definition = f"\n{'=' * 80}\nMSG: ".join(f"{name}\n{text}" for name, text in robot.items()).partition("\n")[2]
     whole = {"joint_trajectory": joint_trajectory(motion)}
     kinds = {

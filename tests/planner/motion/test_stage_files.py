@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hdplan import InputError, StageMark, Trajectory
 from hdplan.planner.motion.ros_stages import stage_messages
-from hdplan.planner.motion.trajectory import StageMark, Trajectory
-from hdplan.scenes.errors import InputError
 
 NAMES = ("up, down", 'say "so"', "1", "Höhe", "grip", " a ", "x.velocity", "time")
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.scenes.errors import InputError
+from hdplan import InputError, Trajectory
 
 
 def awkward_trajectory() -> Trajectory:

@@ -13,11 +13,7 @@ import pytest
 
 import hdplan
 from hdplan.planner.motion.robot_curve import curve_of
-from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.attached import Attached, Payload
-from hdplan.scenes.path_constraints import Relative, Upright, Within
-from hdplan.scenes.timing import Timing
 from hdplan.verify import RejectedError, effects
 from hdplan.verify.balls import HERE
 from hdplan.verify.effects import bonds_of_path, check_path, check_torques, chord, reached
@@ -45,10 +41,10 @@ def swinging(folder: Path, arm: tuple[str, str, hdplan.Pose], rng: np.random.Gen
     """A scene and a motion of quintics that begins and ends at rest: `folder`/scene.yaml and motion.json."""
     robot, link, base = arm
     shape = HELD[rng.integers(len(HELD))]
-    held = Attached("tool", link, shape, hdplan.Pose.from_rpy([0.02, -0.03, 0.2], [0.2, 0.4, 0.6]), mass=2.0)
-    load = Payload(link, 1.5, [0.05, 0.02, 0.1], [0.01, 0.001, 0.002, 0.02, -0.001, 0.015])
+    held = hdplan.Attached("tool", link, shape, hdplan.Pose.from_rpy([0.02, -0.03, 0.2], [0.2, 0.4, 0.6]), mass=2.0)
+    load = hdplan.Payload(link, 1.5, [0.05, 0.02, 0.1], [0.01, 0.001, 0.002, 0.02, -0.001, 0.015])
     spec = hdplan.RobotSpec(name=robot, base=base)
-    loaded = load_robot(spec)
+    loaded = hdplan.load_robot(spec)
     low, high = np.maximum(loaded.lower, -2.0), np.minimum(loaded.upper, 2.0)
     rows = low + (high - low) * rng.uniform(0.3, 0.7, (5, loaded.n))
     times = np.cumsum([0.0, 0.5, 0.6, 0.4, 0.7])
@@ -57,7 +53,7 @@ def swinging(folder: Path, arm: tuple[str, str, hdplan.Pose], rng: np.random.Gen
     motion = hdplan.Trajectory(loaded.joint_names, rows, loaded.locked, times, *rates)
     scene = hdplan.Scene(
         robot=spec, start=rows[0], goal=rows[-1], attached=[held], payload=load,
-        limits=hdplan.Limits(torque=1000.0), timing=Timing(duration=2.2), **more,
+        limits=hdplan.Limits(torque=1000.0), timing=hdplan.Timing(duration=2.2), **more,
     )  # fmt: skip
     scene.save(folder / "scene.yaml")
     motion.save(folder / "motion.json")
@@ -161,15 +157,17 @@ def test_a_mass_whose_inertia_is_not_known_is_not_left_out(tmp_path: Path) -> No
 
 
 CONSTRAINTS = {
-    "upright": hdplan.PathConstraints(upright=Upright("panda_hand", [0.3, -0.2, -0.9], 0.5)),
+    "upright": hdplan.PathConstraints(upright=hdplan.Upright("panda_hand", [0.3, -0.2, -0.9], 0.5)),
     "position": hdplan.PathConstraints(
-        position=Within(
+        position=hdplan.Within(
             "panda_hand", [0.3, np.inf, 0.4], hdplan.Pose.from_rpy([0.3, 0, 0.6], [0.2, 0, 0.6]), [0, 0.1, 0.1]
         )
     ),
-    "relative": hdplan.PathConstraints(relative=Relative("panda_hand", "panda_link3", None, 0.3, 0.9)),
+    "relative": hdplan.PathConstraints(relative=hdplan.Relative("panda_hand", "panda_link3", None, 0.3, 0.9)),
     "relative to a pose": hdplan.PathConstraints(
-        relative=Relative("panda_link2", "panda_link7", hdplan.Pose.from_rpy([0.1, 0, 0.4], [1.1, 0, 0.2]), 0.3, 0.9)
+        relative=hdplan.Relative(
+            "panda_link2", "panda_link7", hdplan.Pose.from_rpy([0.1, 0, 0.4], [1.1, 0, 0.2]), 0.3, 0.9
+        )
     ),
 }
 

@@ -149,10 +149,7 @@ def test_points_within_a_star_have_no_ray_and_those_outside_have_one(seed: int) 
     for share, outside in ((0.0, False), (0.97, False), (1.03, True), (3.0, True)):
         p = turn.apply(share * surface * way) + at
         other = {**dot_at(p), "name": "o", "kind": "obstacle", "joint": -1}
-        for bodies in (
-            (dot_at(p), body("m", "obstacle", star, place)),
-            (body("m", "held", star, place), other),
-        ):
+        for bodies in ((dot_at(p), body("m", "obstacle", star, place)), (body("m", "held", star, place), other)):
             found = world(*bodies)
             assert len(found.outside) == 1
             assert proposed(found) == [outside]

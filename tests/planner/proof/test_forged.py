@@ -133,10 +133,7 @@ def spoilt(folder: Path, given: tuple[Path, Path], wish: Data, claims: list[str]
 
 LIMITS = ["limits", "start", "goal"]
 UPRIGHT = {"path": {"upright": {"link": "hand", "axis": "z", "tolerance": 0.3}}}
-HANGING = {
-    "start": {"joints": [2, 1.1415926]},
-    "goal": {"joints": [2, 1.2]},
-}
+HANGING = {"start": {"joints": [2, 1.1415926]}, "goal": {"joints": [2, 1.2]}}
 HANGS = {"positions": [[2, 1.1415926], [2, 1.2]]}
 ENDLESS = URDF.replace('name="g" type="revolute"', 'name="g" type="continuous"')
 TURNS = {

@@ -17,11 +17,10 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import hdplan
-from hdplan.planner.motion.trajectory import Trajectory
+from hdplan import HdplanError, NotProvenError, Trajectory
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import HdplanError, NotProvenError
 from hdplan.verify import RejectedError, verify
 from hdplan.verify.balls import HERE
 from hdplan.verify.checking import check
@@ -416,10 +415,7 @@ CONSTRAINTS: dict[str, tuple[str, Data]] = {
     ),
     "free about z": (
         "goal",
-        {
-            "position_constraints": [position("hand", BALL)],
-            "orientation_constraints": [turned("hand", 2, 2.5, 3.14)],
-        },
+        {"position_constraints": [position("hand", BALL)], "orientation_constraints": [turned("hand", 2, 2.5, 3.14)]},
     ),
     "free about all": (
         "goal",

@@ -28,7 +28,6 @@ from hdplan.planner.proof.proof import prove_planned
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.yaml_format.reader import find_scene, shipped_scenes
 from hdplan.verify import RejectedError, kernel, verify
 from hdplan.verify.checking import check
@@ -118,9 +117,7 @@ def test_a_motion_that_is_not_certified_has_no_proof(proven: Callable[[str], Pro
         hdplan.prove("panda_cage", tmp_path / "m.json")
 
 
-def test_links_that_touch_wherever_tried_or_always_are_refused_by_name(
-    tmp_path: Path,
-) -> None:
+def test_links_that_touch_wherever_tried_or_always_are_refused_by_name(tmp_path: Path) -> None:
     text = find_scene("tiago_shelf").read_text()
     (tmp_path / "s.yaml").write_text("\n".join(x for x in text.splitlines() if "ignore_pairs" not in x))
     scene = hdplan.load_scene(tmp_path / "s.yaml")
@@ -155,8 +152,7 @@ QUICK = ("panda_camera", "panda_cup", "panda_heavy", "panda_grasp")
 
 
 @pytest.mark.parametrize(
-    "scene",
-    [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in sorted(shipped_scenes())],
+    "scene", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in sorted(shipped_scenes())]
 )
 def test_the_motion_of_every_shipped_scene_is_proven_whole(scene: str, tmp_path: Path) -> None:
     result = hdplan.plan(hdplan.load_scene(scene), time_limit=120)
@@ -280,7 +276,7 @@ def test_limits_that_do_not_hold_are_not_claimed(monkeypatch: pytest.MonkeyPatch
 
 def test_a_scene_that_asks_for_more_is_accepted_in_part(tmp_path: Path) -> None:
     """The first line says so, and a line what is missing."""
-    scene = hdplan.Scene(robot="panda", start=HOME, goal=AWAY, planner=PlannerSettings(clearance=0.005))
+    scene = hdplan.Scene(robot="panda", start=HOME, goal=AWAY, planner=hdplan.PlannerSettings(clearance=0.005))
     scene.save(tmp_path / "scene.yaml")
     hdplan.plan(scene).trajectory.save(tmp_path / "m.json")
     world = read(tmp_path / "scene.yaml", tmp_path / "m.json")

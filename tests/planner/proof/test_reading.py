@@ -13,7 +13,6 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.proof import reading
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import RejectedError
 
@@ -69,7 +68,7 @@ def test_bodies_that_are_not_compared_have_no_plane(tmp_path: Path) -> None:
     assert read.closest("panda_hand", "nobody", True, 0.0) is None
     assert read.closest("panda_hand", "bar3", False, 0.0) is None
     assert read.closest("panda_hand", "bar3", True, -1.0) is not None
-    with pytest.raises(InputError, match=r"not a proof of .*motion.json in .*panda_gate"):
+    with pytest.raises(hdplan.InputError, match=r"not a proof of .*motion.json in .*panda_gate"):
         ReadProof(find_scene("panda_gate"), motion, hdplan.prove("panda_cage", motion).data)
 
 
@@ -84,7 +83,7 @@ def test_a_proof_s_file_is_checked_within_bounds_before_it_is_read_here(
     monkeypatch.setattr(reading, "verify", ended)
     file = tmp_path / "x.proof"
     file.write_bytes(b"hdplan proof\n")
-    with pytest.raises(InputError, match=r"x.proof: is not a proof of .*: needs more time, or more memory"):
+    with pytest.raises(hdplan.InputError, match=r"x.proof: is not a proof of .*: needs more time, or more memory"):
         ReadProof(find_scene("panda_cage"), tmp_path / "motion.json", file)
 
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.planner.robot.loading import load_robot
 from hdplan.scenes.robot_files.library import data_folder, description_of, robot_names
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import RejectedError
@@ -75,9 +74,7 @@ def test_a_joint_that_follows_another_is_held_where_it_follows(cage: Content, tm
             words_of(scene, motion, packed(head, other, cage[3]))
 
 
-def test_large_heads_and_many_groups_are_rejected_before_they_cost_memory(
-    cage: Content,
-) -> None:
+def test_large_heads_and_many_groups_are_rejected_before_they_cost_memory(cage: Content) -> None:
     check(cage, "too large|too long", {**cage[1], "more": "[]," * 23_000_000})
     world = read(find_scene("panda_cage"), cage[0])
     cuts = {key: len(x) for key, x in world.parts.items()}
@@ -131,7 +128,7 @@ def test_meshes_are_read_as_they_are_written() -> None:
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["baxter", "tiago", "pr2", "panda", "alex_nub_hands", "xarm7", "a1"])
 def test_joints_come_in_the_order_in_which_a_scene_counts_them(name: str, tmp_path: Path) -> None:
-    robot = load_robot(hdplan.RobotSpec(name=name))
+    robot = hdplan.load_robot(hdplan.RobotSpec(name=name))
     joints, ends = list(robot.joint_names)[::-1], json.dumps([0.0] * robot.n)
     (tmp_path / "s.yaml").write_text(
         f"hdplan: 1\nrobot: {{name: {name}}}\nstart: {{joints: {ends}}}\ngoal: {{joints: {ends}}}\n"

@@ -13,8 +13,6 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.scenes.errors import HdplanError
-from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.verify import RejectedError
 from hdplan.verify.kernel import least_distances
 from hdplan.verify.reading import read_world
@@ -174,7 +172,7 @@ def test_rows_of_a_csv_file_end_where_every_reader_ends_them(between: str, tmp_p
             continue
         with pytest.raises(RejectedError):
             read_world(scene, tmp_path / "m.csv")
-        with pytest.raises(HdplanError):
+        with pytest.raises(hdplan.HdplanError):
             hdplan.Trajectory.load(tmp_path / "m.csv")
 
 
@@ -224,7 +222,7 @@ def test_two_merges_of_one_mapping_are_refused_by_both(word: str, tmp_path: Path
     assert word in scene.read_text()
     with pytest.raises(RejectedError, match="appears twice"):
         read_world(scene, motion)
-    with pytest.raises(HdplanError, match="<<"):
+    with pytest.raises(hdplan.HdplanError, match="<<"):
         hdplan.load_scene(scene)
 
 
@@ -339,7 +337,7 @@ def test_a_path_of_what_is_held_is_known_as_that_of_a_link(tmp_path: Path) -> No
 
 
 def test_the_planner_s_keys_are_those_of_the_planner() -> None:
-    assert PLANNER.split() == [each.name for each in dataclasses.fields(PlannerSettings)]
+    assert PLANNER.split() == [each.name for each in dataclasses.fields(hdplan.PlannerSettings)]
 
 
 def test_a_pose_at_the_start_is_one_at_the_scene_s_start(tmp_path: Path) -> None:

@@ -16,7 +16,6 @@ import hdplan
 from hdplan.planner.geometry.mesh_files import read_mesh_file
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.robot_files.library import data_folder, library_package_dirs
-from hdplan.scenes.robot_spec import PlanarBase
 from hdplan.verify import RejectedError
 from hdplan.verify.balls import Ball
 from hdplan.verify.kernel import Motion
@@ -141,7 +140,7 @@ def world(scene: hdplan.Scene, folder: Path) -> World:
 
 
 def test_a_mobile_base_carries_the_robot(tmp_path: Path) -> None:
-    base = PlanarBase(x=(-2, 2), y=(-1, 3), yaw=(-3, 3))
+    base = hdplan.PlanarBase(x=(-2, 2), y=(-1, 3), yaw=(-3, 3))
     spec = hdplan.RobotSpec(name="panda", base=hdplan.Pose((1.0, 0.0, 0.2)), base_joints=base)
     start = [0.3, -0.2, 1.1, *HOME]
     scene = hdplan.Scene(robot=spec, start=start, goal=start)
@@ -231,10 +230,7 @@ def test_a_named_state_of_two_values_or_none_is_refused(words: str) -> None:
         Semantics(f"<robot>{words}</robot>".encode(), {"b": ("j", "a")}, ["a", "b"])
 
 
-@pytest.mark.parametrize(
-    "words",
-    ["pose: 0", "pose: []", "motion: {velocity: 1}", "shape: {type: box, size: 1}"],
-)
+@pytest.mark.parametrize("words", ["pose: 0", "pose: []", "motion: {velocity: 1}", "shape: {type: box, size: 1}"])
 def test_numbers_that_could_stand_for_others_are_refused(words: str, tmp_path: Path) -> None:
     scene = hdplan.Scene(robot="panda", start=HOME, goal=HOME)
     more = {"name": "a", "shape": {"type": "box", "size": [1, 1, 1]}, **yaml.safe_load(words)}
@@ -288,11 +284,7 @@ def test_limits_of_a_scene_do_not_widen_those_of_the_robot(tmp_path: Path) -> No
     ("attack", "wait", "words"),
     [
         ("bytearray(3 << 30)", 15, "rejected: needs more memory than it may take"),
-        (
-            "while True: pass",
-            15,
-            "rejected: needs more than 1 s of a processor",
-        ),  # longer on a busy machine
+        ("while True: pass", 15, "rejected: needs more than 1 s of a processor"),  # longer on a busy machine
         ("import time; time.sleep(60)", 2, "rejected: needs more than 2 s"),
     ],
 )

@@ -17,26 +17,15 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import hdplan
+from hdplan import Attached, Cloud, InputError, Limits, Pose, RobotSpec, Scene, Timing, Trajectory, Voxels, load_robot
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.world import not_compared, world_of
 from hdplan.planner.proof.world_values import frame_of
 from hdplan.planner.robot.link_frame import end_effector
-from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Attached
-from hdplan.scenes.clouds import Cloud
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
-from hdplan.scenes.timing import Timing
-from hdplan.scenes.voxel_grids import Voxels
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.verify.compare import check_equal, plain
 
@@ -213,7 +202,7 @@ def lifter(folder: Path, **sections: Any) -> Scene:
 
 
 def test_robots_with_followers_or_a_base_that_moves_or_hangs_are_where_pinocchio_has_them(tmp_path: Path) -> None:
-    wheels = PlanarBase(x=(-2.0, 2.0), y=(-1.0, 1.0), yaw=(-3.0, 3.0))
+    wheels = hdplan.PlanarBase(x=(-2.0, 2.0), y=(-1.0, 1.0), yaw=(-3.0, 3.0))
     for spec in (RobotSpec(name="ur5", base=TURNED, base_joints=wheels), RobotSpec(name="ur5", base=TURNED)):
         n = load_robot(spec).n
         placed_alike(Setup.of(Scene(robot=spec, start=[0.0] * n, goal=[0.1] * n)))
@@ -439,7 +428,7 @@ def test_the_first_reason_counts(tmp_path: Path) -> None:
         Attached("foot", "base", Sphere(0.1), touch_links=["ball"]),
     ]
     ends = {"start": [1.0, 1.0, 1.0, 1.0], "goal": [0.0] * 4}
-    moving = Obstacle("drone", Sphere(0.1), motion=SteadyMotion())
+    moving = hdplan.Obstacle("drone", Sphere(0.1), motion=hdplan.SteadyMotion())
     scene = Scene(robot=spec, attached=held, obstacles=[Box([0.1] * 3, name="Box"), moving], **ends)
     assert not_compared(Setup.of(scene)) == [
         ["a", "a_tip", "moving as one"],
@@ -454,7 +443,7 @@ def test_the_first_reason_counts(tmp_path: Path) -> None:
         ["base", "d", "robot.ignore_pairs"],
         ["base", "foot", "moving as one"],
     ]
-    nothing = replace(scene, robot=replace(spec, check_pairs=()), self_collision=SelfCollision(checked=False))
+    nothing = replace(scene, robot=replace(spec, check_pairs=()), self_collision=hdplan.SelfCollision(checked=False))
     alone = not_compared(Setup.of(nothing))
     own = ["a", "a_tip", "b", "ball", "base", "c", "d", "foot"]
     assert alone == [[one, other, "self_collision: false"] for i, one in enumerate(own) for other in own[i + 1 :]]

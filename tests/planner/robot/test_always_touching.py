@@ -13,19 +13,16 @@ import pytest
 import trimesh
 
 import hdplan
+from hdplan import Robot, RobotSpec, Scene, load_robot
 from hdplan.distance.compiled.cache import content_key
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.robot import lasting_contacts
 from hdplan.planner.robot.always_touching import _balls, _distance, always_touching
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, LIMIT_EXCESS
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.robot_files.link_pairs import link_pair
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 
 from ..urdf import joint_text, link_text, write_robot
 

@@ -13,17 +13,10 @@ import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan import InputError, Obstacle, Pose, Robot, Scene, Sphere, Trajectory, load_robot
 from hdplan.planner.certificate.certifier import Certifier, certify
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Sphere
 from tests.threads import together
 
 START, GOAL = [0.0, -1.0, 1.0, -1.0, -1.5, 0.0], [0.2, -1.0, 1.0, -1.0, -1.5, 0.0]

@@ -11,25 +11,18 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from hdplan.planner.build import build
+from hdplan import Attached, InputError, Obstacle, Pose, Scene, build, load_scene, plan
 from hdplan.planner.certificate.certifier import Certifier, certify, check_configuration
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
 from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.pictures.scene import Picture
-from hdplan.planner.plan import plan
 from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.explain import explain
 from hdplan.planner.view.drawing.skins import HELD, visual_skins
-from hdplan.scenes.attached import Attached
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
-from hdplan.scenes.yaml_format.reader import load_scene
 
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
 HALF = 0.5**0.5

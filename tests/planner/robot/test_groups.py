@@ -12,21 +12,12 @@ import numpy as np
 import pytest
 import yaml
 
+from hdplan import Attached, Box, InputError, RobotSpec, Scene, Trajectory, Within, load_robot, load_scene, plan
 from hdplan.planner.certificate.certifier import Certifier, certify
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.plan import plan
-from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.attached import Attached
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.path_constraints import Within
 from hdplan.scenes.poses import Pose, compose, from_rpy
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget, PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -61,13 +52,7 @@ MEMBERS = {
     "right": {"right_a", "right_b"},
     "left_chain": {"left_a", "left_b"},
     "left_lifted": {"lift", "left_a", "left_b"},
-    "across": {
-        "lift",
-        "left_a",
-        "left_b",
-        "right_a",
-        "right_b",
-    },  # MoveIt takes the joint above the common link too
+    "across": {"lift", "left_a", "left_b", "right_a", "right_b"},  # MoveIt takes the joint above the common link too
     "both": {"left_a", "left_b", "right_a", "right_b"},
     "all_of_it": {"lift", "left_a", "left_b", "right_a", "right_b", "thumb"},
 }
@@ -458,16 +443,8 @@ def test_joints_that_the_start_names_beside_the_group_are_held_there(two_arms: R
     same = own_scene(spec, start, {"left_a": 0.2, "left_b": 0.3, "lift": START["lift"]})
     np.testing.assert_array_equal(Setup.of(same).query.goal, [0.2, 0.3])
     for goal, locked, message in (
-        (
-            {"left_a": 0.2, "left_b": 0.3, "lift": 0.5},
-            {},
-            "goal: joint 'lift' is given the value 0.5, but is not",
-        ),
-        (
-            {"left_a": 0.2, "left_b": 0.3},
-            {"lift": 0.5},
-            "start: joint 'lift' is given the value 0.05, but is",
-        ),
+        ({"left_a": 0.2, "left_b": 0.3, "lift": 0.5}, {}, "goal: joint 'lift' is given the value 0.5, but is not"),
+        ({"left_a": 0.2, "left_b": 0.3}, {"lift": 0.5}, "start: joint 'lift' is given the value 0.05, but is"),
         ({"left_a": 0.2, "left_b": 0.3, "lft": 0.5}, {}, r"goal: unknown joint 'lft' \(did you mean 'lift'"),
     ):
         with pytest.raises(InputError, match=message):

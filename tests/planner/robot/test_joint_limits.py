@@ -9,18 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdplan import InputError, Robot, RobotSpec, Scene, SelfCollision, Timing, load_scene
 from hdplan.planner.robot.joint_limits import joint_limits
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
-from hdplan.scenes.obstacles import SelfCollision
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.timing import Timing
-from hdplan.scenes.yaml_format.reader import load_scene
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate.certifier import certify
+from hdplan import RobotSpec, Scene, Trajectory, certify, load_robot
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.self_pairs import MOVE_AS_ONE, NEIGHBOURS
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 
 from ..urdf import joint_text, link_text, write_robot

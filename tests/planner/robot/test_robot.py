@@ -12,22 +12,14 @@ import pinocchio as pin
 import pytest
 import trimesh
 
-from hdplan.planner.certificate.certifier import certify
+import hdplan
+from hdplan import InputError, Mesh, Pose, Robot, RobotSpec, Scene, Trajectory, certify, load_robot, plan
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.plan import plan
 from hdplan.planner.robot import pin_model
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError, UnsolvableError
-from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.library import robot_names
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.targets import JointTarget
 
 from ..urdf import joint_text, link_text, robot_text, write_robot
@@ -527,5 +519,5 @@ def test_a_pair_that_always_touches_and_is_to_be_checked_is_in_contact(tmp_path:
     checked = RobotSpec(urdf=urdf, check_pairs=pairs)
     assert load_robot(checked).self_pairs == pairs
     scene = Scene(robot=checked, start=[0.0, 0.0], goal=[0.5, 0.5])
-    with pytest.raises(UnsolvableError, match=r"a and [bc] overlap"):
+    with pytest.raises(hdplan.UnsolvableError, match=r"a and [bc] overlap"):
         plan(scene)

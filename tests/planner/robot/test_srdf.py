@@ -12,19 +12,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.planner.certificate.certifier import certify
+from hdplan import InputError, Robot, RobotSpec, Scene, SelfCollision, Trajectory, certify, load_robot
 from hdplan.planner.commands.robots import run_robots
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, LIMIT_EXCESS, NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.robot.srdf import srdf_of
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import SelfCollision
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 
 from ..urdf import joint_text, link_text, write_robot
 

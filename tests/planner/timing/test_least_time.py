@@ -7,13 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.plan import plan
+from hdplan import Limits, Trajectory, load_scene, plan
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.least_time import least_times
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.yaml_format.reader import load_scene
 
 NAMES = ("velocity", "acceleration", "jerk")
 

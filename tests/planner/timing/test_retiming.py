@@ -10,24 +10,18 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan import HdplanError, InputError, Limits, Robot, Scene, Timing, Trajectory, load_scene
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.rate_check import RateCheck
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import beyond_limits
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.joint_limits import DERIVATIVES, joint_limits
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import smooth
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise
-from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.timing import Timing
-from hdplan.scenes.yaml_format.reader import load_scene
 
 LIMITS = [
     Limits(acceleration=5.0),
