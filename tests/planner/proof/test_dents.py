@@ -22,7 +22,7 @@ from hdplan.verify.kernel import NARROWEST, Motion, check_outside
 from hdplan.verify.scene import hull
 from hdplan.verify.world import Piece, World
 
-from .test_forged import files
+from .forging import files
 from .worlds import packed, unpacked
 
 Random = np.random.Generator

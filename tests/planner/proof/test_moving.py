@@ -18,7 +18,7 @@ from hdplan.verify.reading import read_world
 from hdplan.verify.scene import frame, motion, pose_of
 from hdplan.verify.world import OFF, World
 
-from .test_forged import files, put
+from .forging import files, put
 
 ROWS = np.array([0.25, 1.0, 2.5])
 MOVING = {"name": "p", "shape": {"type": "box", "size": [0.1] * 3}, "motion": {"velocity": [0.0, 0.0, 0.01]}}

@@ -21,7 +21,7 @@ from hdplan.verify.reading import read_world
 from hdplan.verify.scene import hull
 from hdplan.verify.world import World
 
-from .test_forged import BALL, LIMITS, ROBOT, TOOL, files, forge, put
+from .forging import BALL, LIMITS, ROBOT, TOOL, files, forge, put
 from .test_random_worlds import write
 from .worlds import kind_of, read_and_planned
 

@@ -13,13 +13,11 @@ import pytest
 import yaml
 
 import hdplan
-from hdplan.planner.geometry.mesh_files import read_mesh_file
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.robot_files.library import data_folder, library_package_dirs
 from hdplan.verify import RejectedError
 from hdplan.verify.balls import Ball
 from hdplan.verify.kernel import Motion
-from hdplan.verify.meshes import triangles
 from hdplan.verify.reading import read_world
 from hdplan.verify.semantics import Semantics
 from hdplan.verify.turns import rotation
@@ -29,96 +27,6 @@ from hdplan.verify.world import World
 from .worlds import read, read_and_planned, words_of
 
 HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
-
-
-@pytest.mark.sampled(30)
-@pytest.mark.parametrize("first", range(30))
-def test_collada_files_are_read_as_hdplan_reads_them_or_refused(first: int) -> None:
-    """Every 30th of the library: each triangle has the same corners, but for hdplan's single precision."""
-    read = 0
-    for file in sorted(data_folder().glob("**/*.dae"))[first::30]:
-        try:
-            found = triangles(file, file.read_bytes(), upright=False)
-        except RejectedError as error:
-            assert "COLLADA" in str(error) or "key" in str(error)  # noqa: PT017
-            continue
-        points, corners = read_mesh_file(file)
-        assert (
-            np.abs(np.sort(points[corners], axis=1) - np.sort(found.mid, axis=1)).max() <= 1e-6 * np.abs(points).max()
-        )
-        assert found.rad.max() < 1e-12
-        read += 1
-    assert read > 2
-
-
-DAE = """<COLLADA xmlns="x"><asset><unit meter="1"/></asset><library_geometries><geometry id="g"><mesh>
-<source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 -1 1 0</float_array><technique_common>
-<accessor source="#a" count="4" stride="3"/></technique_common></source>
-<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
-<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
-<polylist count="1"><input semantic="VERTEX" source="#v" offset="1"/><input semantic="NORMAL" source="#n" offset="0"/>
-<vcount>4</vcount><p>9 0 9 1 9 2 9 3</p></polylist></mesh></geometry></library_geometries>
-<library_visual_scenes><visual_scene id="s"><node><matrix>2 0 0 1 0 2 0 0 0 0 2 0 0 0 0 1</matrix>
-<node><matrix>0 -1 0 0 1 0 0 0 0 0 1 5 0 0 0 1</matrix><instance_geometry url="#g"/></node></node></visual_scene>
-</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
-
-
-def test_nodes_of_a_collada_file_place_each_other() -> None:
-    points = np.array([[1, 0, 10], [1, 2, 10], [-1, 0, 10], [-1, -2, 10]])
-    other = "<translate>1 0 0</translate><scale>2 2 2</scale><translate>0 0 5</translate><rotate>0 0 1 90</rotate>"
-    start, end = DAE.index("<matrix>2"), DAE.index("<instance_geometry")
-    for text in (DAE, f"{DAE[:start]}<node>{other}{DAE[end:]}"):
-        found = triangles(Path("a.dae"), text.encode(), upright=False)
-        assert (np.abs(found.mid - points[[[0, 1, 2], [0, 1, 2], [0, 2, 3]]]) <= found.rad).all()
-        assert found.rad.max() < 1e-12
-
-
-@pytest.mark.parametrize(
-    ("before", "after"),
-    [
-        ('meter="1"', 'meter="0.01"'),
-        ('stride="3"', 'stride="4"'),
-        ('stride="3"', 'stride="3" offset="3"'),
-        ("<p>0 1 2</p>", "<p>0 1 7</p>"),
-        ("<p>0 1 2</p>", "<p>0 1 -1</p>"),
-        ("<vcount>4", "<vcount>3"),
-        ("<polylist", "<tristrips/><polylist"),
-        ("<node><matrix>2", "<node><skew>0 0 1</skew><matrix>2"),
-        ("<node><matrix>2", '<node><instance_node url="#s"/><matrix>2'),
-        ("0 0 0 0 1</matrix>\n<node>", "0 0 0 0 2</matrix>\n<node>"),
-        ('<instance_geometry url="#g"/>', '<instance_geometry url="other.dae#g"/>'),
-        ('<instance_geometry url="#g"/>', ""),
-        ('<source id="p">', '<source id="g">'),
-        ("0 1 0 -1 1 0</float", "0 1 0 -1 1 inf</float"),
-    ],
-)
-def test_other_collada_files_are_refused(before: str, after: str) -> None:
-    assert before in DAE
-    with pytest.raises((RejectedError, ValueError, IndexError, KeyError)):
-        triangles(Path("a.dae"), DAE.replace(before, after).encode(), upright=False)
-
-
-@pytest.mark.parametrize(
-    ("points", "good"),
-    [
-        ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], True),
-        ([[0, 0, 0], [1, 0, 0.5], [1, 1, 0], [0, 1, 0.5]], True),  # bent, and whoever cuts it begins at the first
-        ([[0, 0, 0], [1, 0, 0], [0.2, 0.2, 0], [0, 1, 0]], True),  # seen whole from the first corner
-        ([[0, 0, 0], [0.2, 0.2, 0], [1, 0, 0], [0, 1, 0]], False),
-        ([[0, 0, 0], [1, 0, 0], [2, 1, 0], [1, 2, 0], [0, 1, 0]], True),
-        ([[0, 0, 0], [1, 0, 0.3], [2, 1, 0], [1, 2, 0.3], [0, 1, 0]], False),
-        ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, -1, 0]], False),
-    ],
-)
-def test_faces_of_which_readers_disagree_are_refused(points: list[list[float]], good: bool) -> None:
-    """hdplan refuses them, too: a proof about one way to cut them would be none about another."""
-    lines = [*(f"v {x} {y} {z}" for x, y, z in points), f"f {' '.join(str(i + 1) for i in range(len(points)))}"]
-    text = "\n".join(lines).encode()
-    if good:
-        assert len(triangles(Path("a.obj"), text, upright=False).mid) == len(points) - 2
-        return
-    with pytest.raises(RejectedError, match="readers disagree about its surface"):
-        triangles(Path("a.obj"), text, upright=False)
 
 
 def files(scene: hdplan.Scene, folder: Path, change: Callable[[str], str] = str) -> tuple[Path, Path]:
