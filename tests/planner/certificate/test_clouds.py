@@ -22,7 +22,6 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.targets import JointTarget
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -41,9 +40,8 @@ def cloud_around(rng: np.random.Generator, count: int) -> Array:
 
 
 def scene_of(robot: str | RobotSpec, obstacle: Obstacle, start: Array, goal: Array, **more: object) -> Scene:
-    ends = JointTarget("start", tuple(start.tolist())), JointTarget("goal", tuple(goal.tolist()))
     given = {"self_collision": hdplan.SelfCollision(checked=False), **more}
-    return Scene("cloud", Path("cloud.yaml"), robot, (obstacle,), *ends, **given)
+    return Scene(robot=robot, obstacles=[obstacle], start=start, goal=goal, **given)
 
 
 def least(robot: Robot, obstacle: Obstacle, trajectory: Trajectory, samples: int) -> float:
@@ -94,7 +92,6 @@ def test_the_proof_is_never_above_the_least_distance_to_any_ball_and_close_to_it
         assert truth > 0.0
         assert found.clearance <= truth + 1e-6
         assert found.clearance >= truth - max(1e-3, 0.06 * truth)
-        assert found.worst is not None
         assert found.worst.distance == pytest.approx(truth, abs=max(2e-3, 0.05 * truth))
     else:
         assert truth < 1e-3
@@ -264,7 +261,6 @@ def test_groups_of_cells_settle_nothing_that_is_not_settled_alone(monkeypatch: p
         statuses.add(found.status)
         assert found.status is alone.status
         if found.clearance is not None:
-            assert alone.clearance is not None
             assert found.clearance == pytest.approx(alone.clearance, rel=0.1, abs=1e-3)
             truth = least(robot, scene.obstacles[0], motion, 100)
             assert found.clearance <= truth + 1e-6

@@ -19,7 +19,6 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.targets import JointTarget
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -50,8 +49,7 @@ def spec_of(name: str, folder: Path, base: Pose) -> RobotSpec:
 
 def scene_of(spec: RobotSpec, *constraints: Upright | Within) -> Scene:
     given = {"upright" if isinstance(each, Upright) else "position": each for each in constraints}
-    ends = (JointTarget("start", state="default"), JointTarget("goal", state="default"))
-    return Scene("test", Path("test.yaml"), spec, (), *ends, path=PathConstraints(**given))
+    return Scene(robot=spec, start="default", goal="default", path=PathConstraints(**given))
 
 
 def proof_of(robot: Robot, scene: Scene, curve: Curve) -> PathProof:

@@ -21,7 +21,6 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.shapes import Box, Shape, Sphere
-from hdplan.scenes.targets import JointTarget
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -42,9 +41,8 @@ SLIDE = (
 
 @pytest.fixture
 def slide(tmp_path: Path) -> Scene:
-    write_robot(tmp_path / "slide.urdf", *SLIDE)
-    ends = (JointTarget(f, (0.0, 0.0)) for f in ("start", "goal"))
-    return Scene("slide", tmp_path / "s.yaml", hdplan.RobotSpec(urdf=tmp_path / "slide.urdf"), (), *ends)
+    robot = hdplan.RobotSpec(urdf=write_robot(tmp_path / "slide.urdf", *SLIDE))
+    return Scene(robot=robot, start=[0.0, 0.0], goal=[0.0, 0.0])
 
 
 def ball(place: tuple[float, float, float], **more: Any) -> Obstacle:

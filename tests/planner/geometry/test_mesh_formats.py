@@ -169,7 +169,6 @@ def test_strips_of_a_ply_turn_every_second_triangle_and_restart_after_minus_one(
         assert meshes_files.different(vertices[triangles], points[np.array(truth)]) == ""
         if not beside and len(lists) == 1:
             theirs = meshes_files.by_assimp(path)
-            assert theirs is not None
             assert meshes_files.different(vertices[triangles], theirs) == ""
     for wrong, words in (
         ([0, 1, -1, 2, 3, 4], "tristrips 0 .*: a strip has at least 3 corners, not 2"),

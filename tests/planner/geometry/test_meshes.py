@@ -142,7 +142,6 @@ def test_pieces_of_any_mesh_are_few_and_hold_all_of_its_surface() -> None:
         surfaces = [piece.surface.mesh for piece in pieces if piece.surface]
         assert sum(map(area, surfaces)) == pytest.approx(area(mesh))
         for piece in pieces:
-            assert piece.surface is not None
             np.testing.assert_array_less(
                 np.abs(piece.surface.mesh.vertices - piece.center).max(), piece.radius * (1 + 1e-9)
             )

@@ -231,12 +231,10 @@ def test_a_map_is_certified_as_its_cells_are(moves: bool) -> None:
         certifier = Certifier(Setup.of(scene))
         for time in (0.0, 1.0, 2.0):
             near, _ = certifier.nearest(np.array(START), time=time)
-            assert near is not None
             placed = pin.SE3ToXYZQUAT(pin.SE3(ObstacleMotion.of(grid_map).at(np.array([time]))[0]))
             there = Obstacle("map", Voxels(grid, 0.04), Pose(tuple(placed[:3].tolist()), tuple(placed[3:].tolist())))
             still = Scene(robot="panda", obstacles=(there,), start=START, goal=goal)
             expected, _ = Certifier(Setup.of(still)).nearest(np.array(START))
-            assert expected is not None
             assert near.distance == pytest.approx(expected.distance, abs=1e-6)
         return
     centres = 0.04 * (np.argwhere(grid) + 0.5) @ pose.matrix[:3, :3].T + pose.matrix[:3, 3]

@@ -64,7 +64,6 @@ def test_whole_nanoseconds_keep_every_bit_of_the_rows(tmp_path: Path, ending: st
         before.save(tmp_path / f"m{ending}")
         after = Trajectory.load(tmp_path / f"m{ending}")
         assert_same(before, after)
-        assert after.times is not None
         np.testing.assert_allclose(after.times, before.times, rtol=4e-16, atol=0)
         assert [file.name for file in tmp_path.iterdir()] == [f"m{ending}"]
 

@@ -41,7 +41,6 @@ def test_a_plane_separates_the_closest_pair(name: str, tmp_path: Path) -> None:
             if near is None or least is None:
                 continue
             plane = read.closest(near.link, near.other, near.to_obstacle, row)
-            assert plane is not None
             assert plane.span[0] <= row <= plane.span[1]
             assert 0.0 < 0.97 * least - 1e-4 <= plane.bound <= plane.gap + ROUNDING
             assert plane.gap <= near.distance + COAL
@@ -101,6 +100,4 @@ def test_an_obstacle_with_the_name_of_a_link_has_planes_of_its_own(tmp_path: Pat
         assert pairs
         assert {pieces[b].kind for p in pairs for b in read.world.pairs[p]} == {kind, "link"}
     one, two = (read.closest("panda_hand", "panda_link0", x, 0.0) for x in (True, False))
-    assert one is not None
-    assert two is not None
     assert abs(one.gap - two.gap) > 0.05

@@ -317,7 +317,6 @@ def test_a_group_of_joints_is_read_and_written(two_arms: RobotSpec, tmp_path: Pa
 
 
 def circular(spec: RobotSpec, groups: str) -> RobotSpec:
-    assert spec.urdf is not None
     spec.urdf.with_name("circle.srdf").write_text(f'<robot name="pair">{groups}</robot>')
     return replace(spec, srdf=spec.urdf.with_name("circle.srdf"))
 
@@ -393,7 +392,6 @@ def test_a_mimic_joint_held_elsewhere_than_it_would_follow_is_named(two_arms: Ro
 
     def follow(joint: str, followed: str) -> None:
         head = f'<joint name="{joint}" type="prismatic">'
-        assert two_arms.urdf is not None
         mimic = f'<mimic joint="{followed}" multiplier="2" offset="0.1"/>'
         two_arms.urdf.write_text(text.replace(head, head + mimic))
 
@@ -412,7 +410,6 @@ def test_a_mimic_joint_held_elsewhere_than_it_would_follow_is_named(two_arms: Ro
 
 
 def _with(spec: RobotSpec, more: str) -> None:
-    assert spec.srdf is not None
     spec.srdf.write_text(spec.srdf.read_text().replace("</robot>", f"{more}</robot>"))
 
 
@@ -420,7 +417,6 @@ def _with(spec: RobotSpec, more: str) -> None:
 def test_a_state_is_looked_up_in_its_group_first(two_arms: RobotSpec, turned: bool) -> None:
     """In whatever order the SRDF has them."""
     first, second = (f"{part}</group_state>" for part in STATES.split("</group_state>")[:2])
-    assert two_arms.srdf is not None
     both = GROUPS + (second + first if turned else first + second)
     two_arms.srdf.write_text(f'<robot name="pair">{both}</robot>')
     home = JointTarget("goal", state="home")
