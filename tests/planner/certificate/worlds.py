@@ -19,6 +19,8 @@ from hdplan.scenes.shapes import Shape
 
 from ..urdf import joint_text, link_text
 
+Ends = tuple[Array, Array]  # two points, or a rotation and an origin
+
 BRANCHED = (
     link_text("base"),
     link_text("turret", box="0.3 0.2 0.1"),
@@ -148,9 +150,7 @@ class Worlds:
         )
 
 
-def _distance(
-    a: object, one: tuple[Array, Array], b: object, other: tuple[Array, Array]
-) -> tuple[float, tuple[Array, Array]]:
+def _distance(a: object, one: Ends, b: object, other: Ends) -> tuple[float, Ends]:
     result = coal.DistanceResult()
     places = coal.Transform3s(*one), coal.Transform3s(*other)
     found = coal.distance(a, places[0], b, places[1], coal.DistanceRequest(True), result)
