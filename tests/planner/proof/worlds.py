@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import zlib
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 import hdplan
 from hdplan import Trajectory
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
+from hdplan.verify import RejectedError
 from hdplan.verify.checking import check
 from hdplan.verify.compare import check_equal, plain
 from hdplan.verify.kernel import MAGIC
@@ -41,6 +44,11 @@ def saved(scene: hdplan.Scene, folder: Path, to: float = 0.0) -> tuple[Path, Pat
     motion = Trajectory(setup.robot.joint_names, rows, dict(setup.robot.locked))
     motion.save(files[1])
     return *files, setup, motion
+
+
+def rejects_unless(good: bool, words: str) -> AbstractContextManager[Any]:
+    """Expect that the checker rejects with these words what is not `good`."""
+    return nullcontext() if good else pytest.raises(RejectedError, match=words)
 
 
 def words_of(scene: Path, motion: Path, proof: bytes) -> str:
