@@ -261,7 +261,7 @@ def test_an_upright_axis_is_a_unit_vector(size: float, good: bool) -> None:
     """One of length 0.3 that is turned by 1.28 rad is nearer to the vertical than a unit vector turned by 1 rad."""
     world = cast(World, SimpleNamespace(links={"a": (-1, HERE)}, pieces=[]))
     path = [{"kind": "upright", "link": "a", "axis": [0, 0, size], "off": 0.0, "tolerance": 1.0}]
-    with rejects_unless(good, "its axis is no unit vector"):
+    with rejects_unless(good, "its axis must be a unit vector"):
         assert len(bonds_of_path(world, path, lambda: True)) == 1
 
 

@@ -111,7 +111,7 @@ XACRO = '<xacro:if value="1"><link name="spear"/></xacro:if>'
 )
 def test_recipes_for_robots_are_not_taken_for_urdfs(before: str, after: str, tmp_path: Path) -> None:
     scene, motion = files(tmp_path, {}, MOTION, URDF.replace(before, after))
-    with pytest.raises(RejectedError, match=r"no URDF|xacro"):
+    with pytest.raises(RejectedError, match=r"not a URDF|xacro"):
         read_world(scene, motion)
 
 
@@ -316,7 +316,7 @@ def test_a_path_of_what_is_held_is_known_as_that_of_a_link(tmp_path: Path) -> No
     assert hdplan.certify(hdplan.load_scene(two[0]), hdplan.Trajectory.load(two[1])).path
     assert "path" in claimed(*two, "start", "goal", "velocity", "path")
     two = files(tmp_path, {"timing": {"duration": 2}, "path": path}, timed)
-    with pytest.raises(RejectedError, match="'tool' is no link of the world, and not held"):
+    with pytest.raises(RejectedError, match="'tool' is not a link of the world, and not held"):
         claimed(*two, "start", "goal", "velocity", "path")
 
 
