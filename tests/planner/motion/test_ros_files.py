@@ -24,24 +24,8 @@ from hdplan.planner.robot.setup import Setup
 
 ROS = tuple(ending for ending in FORMATS if ending not in (".json", ".csv", ".npz"))
 NAMES = (
-    "a",
-    "b joint",
-    "ç",
-    "关节",
-    "🤖",
-    '"',
-    "'",
-    "\\",
-    "#",
-    "- ",
-    ": {",
-    "true",
-    "1e-05",
-    "~",
-    "*x",
-    "\u3000.",
-    "time",
-)
+    "a", "b joint", "ç", "关节", "🤖", '"', "'", "\\", "#", "- ", ": {", "true", "1e-05", "~", "*x", "\u3000.", "time",
+)  # fmt: skip
 HALF_NANOSECOND = 0.5e-9
 
 
@@ -124,9 +108,8 @@ def test_rounding_takes_no_more_of_a_limit_than_the_margin_that_is_left(rate: in
     after = Trajectory(**read_message(joint_trajectory(motion)))
     kept = replace(motion, times=after.times)
     check = RateCheck(Setup.of(scene, robot))
-    shares, rounded, careless = (
-        [use.share for use in check.check(moved.curve).uses] for moved in (motion, after, kept)
-    )
+    found = (check.check(moved.curve).uses for moved in (motion, after, kept))
+    shares, rounded, careless = ([use.share for use in uses] for uses in found)
     np.testing.assert_allclose(rounded, shares, rtol=1e-6)
     assert len(shares) == 3
     assert rate == 100 or not np.allclose(careless, shares, rtol=1e-5, atol=0)
@@ -190,18 +173,14 @@ def test_a_bag_with_much_else_in_it(tmp_path: Path) -> None:
     robot = {"moveit_msgs/RobotTrajectory": "trajectory_msgs/JointTrajectory joint_trajectory", **ros_bag.PARTS}
     definition = f"\n{'=' * 80}\nMSG: ".join(f"{name}\n{text}" for name, text in robot.items()).partition("\n")[2]
     whole = {"joint_trajectory": joint_trajectory(motion)}
-    kinds = {
-        "moveit": ("moveit_msgs/msg/RobotTrajectory", definition, whole),
-        "text": ("x/msg/T", "string s", {"s": "?"}),
-    }
-    (tmp_path / "m.mcap").write_bytes(bag(kinds["text"], kinds["moveit"], kinds["text"]))
-    assert_same(motion, Trajectory.load(tmp_path / "m.mcap"))
-    (tmp_path / "m.mcap").write_bytes(bag(kinds["moveit"], kinds["moveit"]))
-    with pytest.raises(InputError, match=r"one message of .* is expected, found 2"):
-        Trajectory.load(tmp_path / "m.mcap")
-    (tmp_path / "m.mcap").write_bytes(bag(kinds["text"]))
-    with pytest.raises(InputError, match="found messages of x/msg/T"):
-        Trajectory.load(tmp_path / "m.mcap")
+    moveit, text = ("moveit_msgs/msg/RobotTrajectory", definition, whole), ("x/msg/T", "string s", {"s": "?"})
+    file = tmp_path / "m.mcap"
+    file.write_bytes(bag(text, moveit, text))
+    assert_same(motion, Trajectory.load(file))
+    for messages, words in (((moveit, moveit), "one message of .* is expected, found 2"), ((text,), "of x/msg/T")):
+        file.write_bytes(bag(*messages))
+        with pytest.raises(InputError, match=words):
+            Trajectory.load(file)
 
 
 def bag(*messages: tuple[str, str, Any]) -> bytes:

@@ -138,10 +138,8 @@ def test_a_start_counts_as_it_stands(spec: RobotSpec) -> None:
             moved = Trajectory(("turn",), result.trajectory.positions + 2 * math.pi * turns)
             certificate = certify(scene, moved)
             assert not certificate.certified
-            assert (
-                f"the first waypoint has joint 'turn' at {moved.positions[0, 0]:g}, the scene's start"
-                in certificate.text
-            )
+            words = f"the first waypoint has joint 'turn' at {moved.positions[0, 0]:g}, the scene's start"
+            assert words in certificate.text
             again = plan(scene, guess=moved)  # which is turned back whole
             assert again.certified
             np.testing.assert_allclose(again.trajectory.positions, result.trajectory.positions, atol=1e-12)

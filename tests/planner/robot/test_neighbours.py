@@ -11,7 +11,6 @@ import pytest
 from hdplan import RobotSpec, Scene, Trajectory, certify, load_robot
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.robot.self_pairs import MOVE_AS_ONE, NEIGHBOURS
-from hdplan.scenes.targets import JointTarget
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -93,8 +92,7 @@ def test_an_arm_sweeps_through_its_base_unless_one_joint_alone_joins_them(held: 
     robot = load_robot(spec)
     ends = np.zeros((2, robot.n))
     ends[:, 0] = -1.0, 1.0
-    start, goal = (JointTarget(f, tuple(q.tolist())) for f, q in zip(("start", "goal"), ends, strict=True))
-    verdict = certify(Scene("arm", tmp_path / "s.yaml", spec, (), start, goal), Trajectory(robot.joint_names, ends))
+    verdict = certify(Scene(robot=spec, start=ends[0], goal=ends[1]), Trajectory(robot.joint_names, ends))
     assert verdict.certified is (held is not None)
     if held is None:
         assert verdict.status is Status.IN_CONTACT
