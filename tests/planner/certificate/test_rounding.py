@@ -11,24 +11,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import hdplan
+from hdplan import InputError, Limits, Obstacle, Payload, Pose, Scene, SteadyMotion, TimedPoses, Trajectory, Upright
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.rounding import MOTION, PLACING, ROUNDING, TERM_SHARE, TIME, UNIT, refuse_large_motion
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Payload
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
-from hdplan.scenes.path_constraints import PathConstraints, Upright
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Shape, Sphere
-from hdplan.scenes.targets import JointTarget
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -49,9 +41,8 @@ SLIDE = (
 
 @pytest.fixture
 def slide(tmp_path: Path) -> Scene:
-    write_robot(tmp_path / "slide.urdf", *SLIDE)
-    ends = (JointTarget(f, (0.0, 0.0)) for f in ("start", "goal"))
-    return Scene("slide", tmp_path / "s.yaml", RobotSpec(urdf=tmp_path / "slide.urdf"), (), *ends)
+    robot = hdplan.RobotSpec(urdf=write_robot(tmp_path / "slide.urdf", *SLIDE))
+    return Scene(robot=robot, start=[0.0, 0.0], goal=[0.0, 0.0])
 
 
 def ball(place: tuple[float, float, float], **more: Any) -> Obstacle:
@@ -230,7 +221,7 @@ def test_wild_numbers_are_refused_or_judged_and_never_overflow(wild: str, thing:
         slide,
         limits=Limits(velocity=1.0, acceleration=10.0, jerk=100.0, torque=100.0),
         payload=Payload("tip", 1.0),
-        path=PathConstraints(upright=Upright("tip", tolerance=0.5)),
+        path=hdplan.PathConstraints(upright=Upright("tip", tolerance=0.5)),
     )
     refused = ""
     try:

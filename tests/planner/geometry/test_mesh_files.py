@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from hdplan import InputError, Mesh
 from hdplan.planner.certificate.exact_proximity import MOST_PIECES, mesh_pieces
 from hdplan.planner.geometry import mesh_files
 from hdplan.planner.geometry.meshes import load_mesh
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.shapes import Mesh
 
 NUMBER = re.compile(rb"-?\d+(\.\d+)?(e-?\d+)?")
 WRONG = b"nan inf -1 0 1e308 -1e400 999999999 4294967295 99999999999999999999 2147483648 abc 1e-320 3.5 1e5".split()
