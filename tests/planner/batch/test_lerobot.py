@@ -10,11 +10,9 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
+from hdplan import InputError, Outcome, Trajectory
 from hdplan.planner.batch import lerobot
 from hdplan.planner.batch.lerobot import samples_of, write_lerobot
-from hdplan.planner.batch.outcome import Outcome
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.scenes.errors import InputError
 
 FPS = 25
 

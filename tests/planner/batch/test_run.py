@@ -23,6 +23,7 @@ import pyarrow.parquet
 import pytest
 
 import hdplan
+from hdplan import InputError, Trajectory
 from hdplan.planner.batch import run
 from hdplan.planner.batch.files import place_of
 from hdplan.planner.batch.job import Job
@@ -31,8 +32,6 @@ from hdplan.planner.batch.outcome import Options, Outcome, solve
 from hdplan.planner.batch.sources import jobs_of
 from hdplan.planner.batch.tables import COLUMNS, OF_MOTIONS, read_rows, row_of, write_tables
 from hdplan.planner.commands import batch
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.writer import scene_text
 from hdplan.verify import verify
 from tests.commands import Command, in_process

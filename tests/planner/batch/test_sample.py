@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 import yaml
 
+from hdplan import InputError, PoseTarget, check_configuration, load_robot, load_scene
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.sample import sample
 from hdplan.planner.batch.sources import jobs_of
-from hdplan.planner.certificate.certifier import check_configuration
-from hdplan.planner.robot.loading import load_robot
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.targets import PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 from tests.commands import in_process
 
 ARM = Path("planar_arm")

@@ -9,23 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdplan import Box, InputError, Limits, Obstacle, Pose, Robot, RobotSpec, Scene
+from hdplan.control import Controller, ControlSettings, Run, simulate, standing
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.control.braking import Command, Rates
-from hdplan.planner.control.controller import Controller
-from hdplan.planner.control.rollout import Run, simulate
-from hdplan.planner.control.settings import ControlSettings
-from hdplan.planner.control.tasks import standing
 from hdplan.planner.control.window import Window
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
 
 READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)

@@ -15,8 +15,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import minimize, nnls
 
+from hdplan import ConvexBody, InputError, Obstacle, Pose, Robot, RobotSpec, Scene, SteadyMotion, Trajectory
+from hdplan.control import Barriers, BarrierSettings, Controller, ControlSettings, Mode, scene_barriers
 from hdplan.distance.baselines.gdf import gdf
-from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.numpy_reference.hdsdf import hdsdf, hdsdf_derivatives
 from hdplan.distance.symbolic.graph_distance import hdsdf_function
 from hdplan.planner.certificate.certifier import Certifier
@@ -31,28 +32,16 @@ from hdplan.planner.control.barrier_safety import (
     touching_value,
     unshaped,
 )
-from hdplan.planner.control.barrier_settings import BarrierSettings
-from hdplan.planner.control.barriers import Barriers, scene_barriers
 from hdplan.planner.control.braking import USED_SHARE, Command
-from hdplan.planner.control.controller import Controller
-from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.control.program_rows import NEAR_DISTANCE
 from hdplan.planner.control.quadratic_program import SoftConstraints, best_velocity
 from hdplan.planner.control.rollout import fast_energy, simulate, total_variation
-from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.tasks import PoseTask, TrackTask, standing
 from hdplan.planner.kinematics.forward import kinematics_of
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Sphere
 from hdplan.scenes.targets import JointTarget, PoseTarget
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan import InputError, Limits, Obstacle, Pose, Robot, Scene, Sphere, SteadyMotion, Timing, Trajectory
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.control import follow as following
@@ -19,18 +20,9 @@ from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.control.pacing import SPEED_SHARE, paced, slowed, slowness
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Sphere
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.writer import scene_text
 from tests.commands import in_process
 

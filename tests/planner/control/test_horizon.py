@@ -9,27 +9,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hdplan import Attached, Box, Cloud, InputError, Pose, Robot, RobotSpec, Scene, Sphere, Trajectory
+from hdplan.control import BarrierSettings, Controller, ControlSettings, Mode, scene_barriers, simulate, standing
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.collision.collision_model import collision_model_of
-from hdplan.planner.control.barrier_settings import BarrierSettings
-from hdplan.planner.control.barriers import scene_barriers
-from hdplan.planner.control.controller import Controller
-from hdplan.planner.control.look_ahead import Mode
-from hdplan.planner.control.rollout import simulate
-from hdplan.planner.control.settings import ControlSettings
-from hdplan.planner.control.tasks import standing
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.attached import Attached
-from hdplan.scenes.clouds import Cloud
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box, Sphere
 from hdplan.scenes.targets import JointTarget
 
 READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)

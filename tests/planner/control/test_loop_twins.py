@@ -11,24 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdplan import Box, Capsule, Ellipsoid, Obstacle, Pose, Robot, RobotSpec, Scene, SteadyMotion
+from hdplan.control import BarrierSettings, Controller, ControlSettings, standing
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.control import barrier_safety, braking, lows, moment
 from hdplan.planner.control.barrier_safety import straightened
-from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.braking import Command, Rates
-from hdplan.planner.control.controller import Controller
 from hdplan.planner.control.lows import Floors, Lows, lows_among, lows_near, lows_of_hulls
 from hdplan.planner.control.moment import NO_ROWS
-from hdplan.planner.control.settings import ControlSettings
-from hdplan.planner.control.tasks import standing
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box, Capsule, Ellipsoid
 from hdplan.scenes.targets import JointTarget
 
 from ..linkage import linkage_urdf

@@ -14,14 +14,12 @@ import pytest
 from numpy.typing import NDArray
 
 import hdplan
-from hdplan import control
+from hdplan import InputError, Trajectory, control
 from hdplan.planner.control.mujoco_arm import execute_in_mujoco
 from hdplan.planner.control.mujoco_model import mujoco_xml
 from hdplan.planner.control.simulation import replay
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.loads import carrying
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
 from tests.planner.replanning.driving import AtOnce
 
 mujoco = pytest.importorskip("mujoco")

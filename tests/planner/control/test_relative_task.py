@@ -8,15 +8,12 @@ import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan import InputError, Pose, PoseTarget, Robot
 from hdplan.planner.control.tasks import PoseTask
 from hdplan.planner.kinematics.relative import RelativePose
 from hdplan.planner.robot.link_frame import frames_of, link_poses
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.targets import PoseTarget
 
 LEFT, RIGHT = "left_gripper", "right_gripper"
 

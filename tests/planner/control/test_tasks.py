@@ -9,15 +9,11 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.planner.control.controller import Controller
-from hdplan.planner.control.rollout import simulate
+from hdplan import InputError, Pose, PoseTarget, Robot
+from hdplan.control import Controller, simulate
 from hdplan.planner.control.tasks import Damping, PoseTask, Ranked, standing, together
 from hdplan.planner.kinematics.inverse import LinkPose
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.targets import PoseTarget
 
 READY = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 DOWN = PoseTarget("panda_hand", Pose((0.45, 0.2, 0.5), (1.0, 0.0, 0.0, 0.0)))

@@ -13,10 +13,9 @@ import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan import Scene, StageMark, Trajectory
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.proof import prove_certified
-from hdplan.planner.motion.trajectory import StageMark, Trajectory
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import shipped_jobs
 from hdplan.verify.balls import RejectedError
 from hdplan.verify.bundle import parts_of

@@ -16,11 +16,9 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 import hdplan
+from hdplan import InputError, JobResult, StageMark
 from hdplan.planner.job import blending
 from hdplan.planner.job.proof import prove_certified
-from hdplan.planner.job.result import JobResult
-from hdplan.planner.motion.trajectory import StageMark
-from hdplan.scenes.errors import InputError
 from hdplan.verify.balls import RejectedError
 from hdplan.verify.checking import check_job
 

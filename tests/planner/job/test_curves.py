@@ -14,9 +14,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import hdplan
-from hdplan.planner.job.result import JobResult
+from hdplan import HdplanError, InputError, JobResult, UnsolvableError
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.scenes.errors import HdplanError, InputError, UnsolvableError
 
 TOOL, DOWN, PLACE = "panda_hand_tcp", [math.pi, 0.0, 0.0], [0.45, 0.1, 0.35]
 FAR, ANGLE = 1e-4, math.radians(0.1)

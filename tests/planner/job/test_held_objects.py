@@ -10,9 +10,8 @@ import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan import InputError, JobResult
 from hdplan.planner.job.proof import prove_job
-from hdplan.planner.job.result import JobResult
-from hdplan.scenes.errors import InputError
 
 from .forging import written
 

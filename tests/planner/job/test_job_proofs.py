@@ -15,12 +15,10 @@ import pytest
 import yaml
 
 import hdplan
+from hdplan import InputError, Scene, StageMark, Trajectory
 from hdplan.planner.commands.verify import run_verify
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.proof import prove_job
-from hdplan.planner.motion.trajectory import StageMark, Trajectory
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.scene import Scene
 from hdplan.verify.balls import HERE, RejectedError
 from hdplan.verify.bundle import parts_of
 from hdplan.verify.checking import check_job, check_part

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan import JobResult, Scene
 from hdplan.planner.control.computed_torque import LONGEST_STEP, Execution
 from hdplan.planner.job.places import link_pose
-from hdplan.planner.job.result import JobResult
 from hdplan.planner.job.simulation import replay_job
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.scene import Scene
 
 
 @pytest.fixture(scope="module")

@@ -15,11 +15,8 @@ import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan import InputError, JobResult, Scene, StageMark, Trajectory
 from hdplan.planner.commands.verify import run_verify
-from hdplan.planner.job.result import JobResult
-from hdplan.planner.motion.trajectory import StageMark, Trajectory
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.scene import Scene
 
 ARM = [f"panda_joint{i}" for i in range(1, 8)]
 FINGER = "panda_finger_joint1"

@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan import InputError, JobResult
 from hdplan.planner.job.choices import Search
-from hdplan.planner.job.result import JobResult
 from hdplan.planner.job.world import World
 from hdplan.scenes import deadline
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 DOWN = [0.0, np.pi / 2, 0.0]  # the cup of a UR5 looks down

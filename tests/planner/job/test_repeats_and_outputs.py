@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 import hdplan
-from hdplan.planner.motion.trajectory import StageMark
-from hdplan.scenes.errors import InputError
+from hdplan import InputError, StageMark
 from hdplan.verify.balls import RejectedError
 from hdplan.verify.stages import stages_of
 from hdplan.verify.text import yaml_of

@@ -9,19 +9,15 @@ import itertools
 import numpy as np
 import pytest
 
+from hdplan import PathConstraints, Problem, Trajectory, build, load_scene
 from hdplan.distance.compiled.loops import library
-from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly
-from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.arms import Arms, arms_of
 from hdplan.planner.search.escape import ways_back
 from hdplan.planner.search.free_space import free_part, free_space, is_free, with_these_alone
 from hdplan.planner.search.tree_ways import tree_ways
-from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
 

@@ -8,20 +8,15 @@ import dataclasses
 import numpy as np
 import pytest
 
+from hdplan import Budget, Limits, PathConstraints, Scene, load_scene, plan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.pose_goals import miss_of
-from hdplan.planner.plan import plan
 from hdplan.planner.problem.assemble import assemble
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goal_slide import sliding
 from hdplan.planner.search.goals import goal_choice, may_end
 from hdplan.planner.solvers import solver_named
-from hdplan.planner.solvers.solution import Budget
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.path_constraints import PathConstraints
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 RATES = Limits(velocity="urdf", acceleration=15.0, jerk=500.0)
 

@@ -10,26 +10,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.planner.build import build
+from hdplan import InputError, PlanResult, Pose, Robot, Scene, Trajectory, UnsolvableError, build, load_scene, plan
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.pose_goals import miss_of, reached_by
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.kinematics import inverse
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.plan import plan
-from hdplan.planner.result import PlanResult
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search import goals as goal_search
 from hdplan.planner.search.goals import goal_choice, goals_in_turn, settled
 from hdplan.planner.search.inverse_kinematics import LEAST_DIFFERENCE, every_branch, inverse_kinematics, reaching
 from hdplan.planner.terminal.explain import explain
-from hdplan.scenes.errors import InputError, UnsolvableError
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 
 def pose_of(placement: pin.SE3) -> Pose:

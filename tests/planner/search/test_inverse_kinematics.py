@@ -9,20 +9,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hdplan import AllOf, InputError, Limits, Pose, PoseTarget, Robot, RobotSpec, load_robot, load_scene
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.kinematics import inverse
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search import inverse_kinematics as search
 from hdplan.planner.search.inverse_kinematics import LEAST_DIFFERENCE, inverse_kinematics, reaching
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.targets import AllOf, PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 ROBOTS = ("panda", "ur5", "z1", "double_pendulum_continuous")
 SAME = 1e-6  # [rad] between configurations after some forty steps that each round a little differently

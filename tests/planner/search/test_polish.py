@@ -10,19 +10,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.plan import plan
+from hdplan import Event, Limits, PlanResult, Pose, PoseTarget, Scene, Trajectory, load_scene, plan
 from hdplan.planner.problem.smoothness import Smoothness
-from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.search.search import Event
 from hdplan.planner.timing.retiming import Retimer, Timed
 from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 ROUNDS = 6
 

@@ -10,20 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.build import build
+from hdplan import Box, Obstacle, Pose, Problem, RobotSpec, Scene, build, load_scene
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import Roadmap, seeds
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, is_narrow
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 from ..urdf import joint_text, link_text, write_robot
 

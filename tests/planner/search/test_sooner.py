@@ -7,17 +7,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hdplan import Pose, PoseTarget, Robot, load_scene
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.kinematics.inverse import Aim
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search.inverse_kinematics import reaching
 from hdplan.planner.search.sooner import sooner
 from hdplan.planner.timing.least_time import least_times
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.targets import PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 
 @pytest.mark.parametrize(

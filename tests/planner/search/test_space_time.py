@@ -11,24 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.build import build
+from hdplan import Attached, Box, Cylinder, Mesh, Pose, Problem, Scene, Sphere, Timing, Trajectory, build, plan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.kinematics.forward import kinematics_of
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.plan import plan
-from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import DOUBLING_DEPTH, seeds
 from hdplan.planner.search.space_time import EDGE_STEPS, PENALTY_WEIGHT, TIME_STEPS, TimedRoadmap
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Attached
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box, Cylinder, Mesh, Sphere
-from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))

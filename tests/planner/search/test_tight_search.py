@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 import hdplan
-from hdplan.planner.build import build
+from hdplan import Scene, build, load_scene
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.problem.assemble import closer, exactly
@@ -26,8 +26,6 @@ from hdplan.planner.search.idle_core import IdleCore
 from hdplan.planner.search.roadmap import Roadmap, seeds
 from hdplan.planner.search.search import Search
 from hdplan.planner.solvers import solver_named
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.yaml_format.reader import load_scene
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 

@@ -9,21 +9,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hdplan import InputError, Pose, Robot, Scene, Trajectory, load_scene, plan
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.plan import plan
 from hdplan.planner.problem.smoothness import Smoothness
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.inverse_kinematics import reaching
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 HANDS = ("left_gripper", "right_gripper")
 

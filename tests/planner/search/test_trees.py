@@ -9,19 +9,16 @@ import itertools
 import numpy as np
 import pytest
 
+from hdplan import Problem, Trajectory, build, load_scene
 from hdplan.distance.compiled.loops import Record, library
-from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly
-from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.corners import shortened, through
 from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.escape import escapes, ways_back
 from hdplan.planner.search.free_space import free_part, free_space, is_free
 from hdplan.planner.search.tree_ways import tree_ways
 from hdplan.planner.search.trees import Trees
-from hdplan.scenes.yaml_format.reader import load_scene
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
 

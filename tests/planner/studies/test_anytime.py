@@ -8,10 +8,8 @@ import itertools
 import numpy as np
 import pytest
 
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
+from hdplan import Trajectory, load_robot, load_scene
 from hdplan.planner.studies.anytime import AnytimeCurve, Moment, _measures, anytime_curves, anytime_rows, shares
-from hdplan.scenes.yaml_format.reader import load_scene
 
 pytest.importorskip("matplotlib")
 
