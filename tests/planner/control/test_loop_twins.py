@@ -19,12 +19,10 @@ from hdplan.planner.control.barrier_safety import straightened
 from hdplan.planner.control.braking import Command, Rates
 from hdplan.planner.control.lows import Floors, Lows, lows_among, lows_near, lows_of_hulls
 from hdplan.planner.control.moment import NO_ROWS
-from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.targets import JointTarget
 
 from ..linkage import linkage_urdf
-from .test_braking import READY
+from .rooms import scene_of
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
 EUCLIDEAN = ControlSettings(BarrierSettings("euclidean", growth=0.0, self_growth=0.0), 0.01, 0.005)
@@ -47,13 +45,7 @@ def crowded() -> Scene:
     ]
     motion = SteadyMotion((0.1, 0.2, 0.0), (0.0, 0.0, 1.0))
     obstacles.append(Obstacle("bar", Capsule(0.05, 0.3), Pose((0.4, 0.0, 0.5)), motion=motion))
-    ends = JointTarget("start", READY), JointTarget("goal", READY)
-    return Scene("crowd", Path("crowd.yaml"), RobotSpec("panda"), tuple(obstacles), *ends)
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_scene_robot(crowded())
+    return scene_of(*obstacles)
 
 
 def test_braking() -> None:
@@ -150,8 +142,8 @@ def test_commands(settings: ControlSettings, robot: Robot) -> None:
 def test_joints_that_follow_others(tmp_path: Path) -> None:
     """The look-ahead knows the planned joints only, and corrects by their derivatives."""
     box = Obstacle("box", Box((0.3, 0.3, 0.3)), Pose((0.9, 0.0, 1.2)))
-    ends = JointTarget("start", (0.0,) * 5), JointTarget("goal", (0.0,) * 5)
-    controller = Controller.of(Scene("lifter", tmp_path, RobotSpec(urdf=linkage_urdf(tmp_path)), (box,), *ends))
+    zero, lifter = (0.0,) * 5, RobotSpec(urdf=linkage_urdf(tmp_path))
+    controller = Controller.of(scene_of(box, robot=lifter, start=zero, goal=zero))
     at = controller.barriers.at(np.zeros((1, 5)), np.zeros(1))
     floors = Floors(np.full(controller.barriers.count, 0.5), controller.sight.next, NO_ROWS, 0.0)
     found = lows_near(at, (1.0, 1.0), None, floors)
