@@ -100,10 +100,10 @@ def test_barriers_are_their_distances(robot: Robot) -> None:
             if settings.distance == "gdf":
                 expected = gdf(box, pose, other, obstacle.pose.matrix, tolerance=2e-4, iterations=300).distance - 0.01
             else:
-                expected = hdsdf(
+                expected = float(hdsdf(
                     box, pose, other.inflated(0.01), obstacle.pose.matrix,
                     gamma=2, shaping_length=settings.shaping_length, normals=settings.normals,
-                )  # fmt: skip
+                ))  # fmt: skip
             assert rows.value[0] == pytest.approx(expected, abs=1e-9)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from hdplan import Attached, Box, Cloud, InputError, Pose, Robot, RobotSpec, Sphere
@@ -16,6 +15,7 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 
+from ..links import place_of
 from .rooms import READY, certificate, scene_of
 
 HANGING = RobotSpec("panda", base=Pose((0.0, 0.0, 1.2), (1.0, 0.0, 0.0, 0.0)))
@@ -158,9 +158,7 @@ def test_an_updated_world_equals_a_new_one(robot: Robot) -> None:
 def test_a_cloud_leaves_out_points_around_the_robot_where_it_is(robot: Robot) -> None:
     """Not around the scene's start, where something else may be by now."""
     goal = READY + 0.6
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(READY))
-    hand = data.oMf[robot.model.getFrameId("panda_hand")].translation
+    hand = place_of(robot, "panda_hand", READY).translation
     seen = [Obstacle("camera", Cloud([hand, hand + [2.0, 0.0, 0.0]], 0.01, ignore_robot=0.05))]
     controller = Controller.of(scene_of(), robot=robot)
     with pytest.raises(InputError, match=r"^q: is needed: cloud 'camera'"):

@@ -27,6 +27,7 @@ from hdplan.verify.job import Part, read_job
 from hdplan.verify.kernel import unpack
 from hdplan.verify.world import World
 
+from ..links import places_at
 from .forging import written
 
 TOOL, FINGERS = "panda_hand_tcp", ["panda_leftfinger", "panda_rightfinger"]
@@ -316,17 +317,10 @@ def test_the_middle_of_a_blend_excuses_no_clearance(scene: Scene, files: Files, 
 
 
 def tool_places(motion: Trajectory, first: int, last: int, each: int = 60) -> tuple[Any, Any]:
-    """Instants of rows and places of the tool in between, by Pinocchio."""
-    robot = hdplan.load_robot("panda")
+    """Instants of rows and places of the tool in between."""
     assert motion.times is not None
-    rows = np.linspace(first, last, (last - first) * each + 1)
-    times = np.interp(rows, np.arange(len(motion)), motion.times)
-    columns = [motion.joint_names.index(x) for x in robot.joint_names]
-    data, frame, found = robot.model.createData(), robot.model.getFrameId(TOOL), []
-    for q in motion.at_time(times).positions[:, columns]:
-        pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-        found.append(data.oMf[frame].translation.copy())
-    return times, np.array(found)
+    times = np.interp(np.linspace(first, last, (last - first) * each + 1), np.arange(len(motion)), motion.times)
+    return times, places_at(hdplan.load_robot("panda"), TOOL, motion, times)[0]
 
 
 @pytest.mark.sampled(3)

@@ -6,11 +6,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import hdplan
 from hdplan.scenes.errors import InputError
+
+from ..links import place_of
 
 LIMITS = hdplan.Limits(acceleration=4.0)
 FINGER = "panda_finger_joint1"
@@ -18,10 +19,7 @@ HAND = ["panda_leftfinger", "panda_rightfinger"]
 
 
 def place(link: str, q: object) -> np.ndarray:
-    robot = hdplan.load_robot("panda")
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.pin_q(np.array(q)))
-    return np.array(pin.updateFramePlacement(robot.model, data, robot.model.getFrameId(link)).translation)
+    return np.array(place_of(hdplan.load_robot("panda"), link, q).translation)
 
 
 def scene(*stages: object, **more: object) -> hdplan.Scene:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import hdplan
@@ -13,6 +12,8 @@ from hdplan.planner.job.self_motions import close_branches
 from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.scenes.targets import PoseTarget
 
+from ..links import place_of, pose_of
+
 TOOL = "panda_hand_tcp"
 NEAR_SINGULAR = ((1, 0.05), (1, -0.08), (5, 0.1))  # where joints 1 and 3, or 5 and 7, turn about one axis
 
@@ -20,19 +21,11 @@ pytestmark = pytest.mark.skipif(library() is None, reason="closed forms are loop
 
 
 def target_of(robot: hdplan.Robot, q: np.ndarray, free_rotation: str = "none") -> PoseTarget:
-    data, frame = robot.model.createData(), robot.model.getFrameId(TOOL)
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    pose = data.oMf[frame]
-    target = hdplan.Pose(pose.translation, pin.Quaternion(pose.rotation).coeffs())
-    return PoseTarget(TOOL, target, free_rotation=free_rotation)
+    return PoseTarget(TOOL, pose_of(robot, TOOL, q), free_rotation=free_rotation)
 
 
 def off(robot: hdplan.Robot, target: PoseTarget, rows: np.ndarray) -> float:
-    data, frame, most = robot.model.createData(), robot.model.getFrameId(TOOL), 0.0
-    for q in rows:
-        pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-        most = max(most, float(np.abs(data.oMf[frame].homogeneous - target.pose.matrix).max()))
-    return most
+    return max(float(np.abs(place_of(robot, TOOL, q).homogeneous - target.pose.matrix).max()) for q in rows)
 
 
 def farthest(rows: np.ndarray, others: np.ndarray) -> float:

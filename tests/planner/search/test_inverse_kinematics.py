@@ -9,13 +9,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan import AllOf, InputError, Limits, Pose, PoseTarget, Robot, RobotSpec, load_robot, load_scene
+from hdplan import AllOf, InputError, Limits, Pose, PoseTarget, RobotSpec, load_robot, load_scene
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.kinematics import inverse
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search import inverse_kinematics as search
 from hdplan.planner.search.inverse_kinematics import LEAST_DIFFERENCE, inverse_kinematics, reaching
+
+from ..links import pose_of
 
 ROBOTS = ("panda", "ur5", "z1", "double_pendulum_continuous")
 SAME = 1e-6  # [rad] between configurations after some forty steps that each round a little differently
@@ -24,14 +26,6 @@ SAME = 1e-6  # [rad] between configurations after some forty steps that each rou
 def turned(way: np.ndarray) -> np.ndarray:
     """The same turns without whole ones."""
     return (way + np.pi) % (2 * np.pi) - np.pi
-
-
-def pose_of(robot: Robot, link: str, q: np.ndarray) -> Pose:
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    place = data.oMf[robot.model.getFrameId(link, pin.FrameType.BODY)]
-    quaternion = np.asarray(pin.Quaternion(place.rotation).normalized().coeffs())
-    return Pose(tuple(place.translation.tolist()), tuple(quaternion.tolist()))
 
 
 @pytest.mark.sampled(3)

@@ -7,14 +7,15 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
-from hdplan import Event, Limits, PlanResult, Pose, PoseTarget, Scene, Trajectory, load_scene, plan
+from hdplan import Event, Limits, PlanResult, PoseTarget, Scene, Trajectory, load_scene, plan
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer, Timed
 from hdplan.scenes.errors import HdplanError, InputError
+
+from ..links import pose_of
 
 ROUNDS = 6
 
@@ -48,11 +49,7 @@ def test_where_time_counts_only_the_improved_first_motion_is_certified() -> None
 
 def test_a_plan_from_the_last_one_ends_where_that_ended_if_it_may() -> None:
     setup = Setup.of(timed("panda_cage"))
-    data = setup.robot.model.createData()
-    pin.framesForwardKinematics(setup.robot.model, data, setup.robot.pin_q(setup.query.goal))
-    place = data.oMf[setup.robot.model.getFrameId("panda_hand")]
-    turn = pin.Quaternion(place.rotation).normalized().coeffs()
-    scene = setup.scene.with_goal(PoseTarget("panda_hand", Pose(place.translation, turn)))
+    scene = setup.scene.with_goal(PoseTarget("panda_hand", pose_of(setup.robot, "panda_hand", setup.query.goal)))
     last = plan(scene)
     again = plan(scene, guess=last.trajectory)
     assert again.certified

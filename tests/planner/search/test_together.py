@@ -6,10 +6,9 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
-from hdplan import InputError, Pose, Robot, Scene, Trajectory, load_scene, plan
+from hdplan import InputError, Pose, Scene, Trajectory, load_scene, plan
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.certificate.verdict import Status
@@ -19,6 +18,8 @@ from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.inverse_kinematics import reaching
 from hdplan.scenes.targets import AllOf, Goals, PoseTarget
 
+from ..links import pose_of
+
 HANDS = ("left_gripper", "right_gripper")
 
 
@@ -26,14 +27,6 @@ HANDS = ("left_gripper", "right_gripper")
 def setup() -> Setup:
     """Give the scene in which Baxter carries a carton with both hands."""
     return Setup.of(load_scene("baxter_bimanual_carry"))
-
-
-def pose_of(robot: Robot, link: str, q: np.ndarray) -> Pose:
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    place = data.oMf[robot.model.getFrameId(link)]
-    quaternion = np.asarray(pin.Quaternion(place.rotation).coeffs())
-    return Pose(tuple(place.translation), tuple(quaternion / np.linalg.norm(quaternion)))
 
 
 @pytest.mark.parametrize("free", ["none", "z"])
