@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
@@ -11,10 +13,16 @@ from hdplan import Pose, Robot, Trajectory
 from hdplan.scenes.array_types import Array
 
 
+def places_of(robot: Robot, link: str, rows: Iterable[ArrayLike]) -> list[pin.SE3]:
+    data, frame, found = robot.model.createData(), robot.model.getFrameId(link, pin.FrameType.BODY), []
+    for q in rows:
+        pin.framesForwardKinematics(robot.model, data, robot.pin_q(np.asarray(q)))
+        found.append(data.oMf[frame].copy())
+    return found
+
+
 def place_of(robot: Robot, link: str, q: ArrayLike) -> pin.SE3:
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(np.asarray(q)))
-    return data.oMf[robot.model.getFrameId(link, pin.FrameType.BODY)].copy()
+    return places_of(robot, link, [q])[0]
 
 
 def pose_at(place: pin.SE3) -> Pose:
@@ -28,7 +36,8 @@ def pose_of(robot: Robot, link: str, q: ArrayLike) -> Pose:
 def places_at(robot: Robot, link: str, motion: Trajectory, times: Array) -> tuple[Array, Rotation]:
     """Positions (k, 3) and rotations of a link at times (k,) of a motion, which may move other joints, too."""
     columns = [motion.joint_names.index(joint) for joint in robot.joint_names]
-    poses = np.array([place_of(robot, link, q).homogeneous for q in motion.at_time(times).positions[:, columns]])
+    rows = motion.at_time(times).positions[:, columns]
+    poses = np.array([place.homogeneous for place in places_of(robot, link, rows)])
     return poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3])
 
 

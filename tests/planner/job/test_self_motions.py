@@ -12,7 +12,7 @@ from hdplan.planner.job.self_motions import close_branches
 from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.scenes.targets import PoseTarget
 
-from ..links import place_of, pose_of
+from ..links import places_of, pose_of
 
 TOOL = "panda_hand_tcp"
 NEAR_SINGULAR = ((1, 0.05), (1, -0.08), (5, 0.1))  # where joints 1 and 3, or 5 and 7, turn about one axis
@@ -25,7 +25,8 @@ def target_of(robot: hdplan.Robot, q: np.ndarray, free_rotation: str = "none") -
 
 
 def off(robot: hdplan.Robot, target: PoseTarget, rows: np.ndarray) -> float:
-    return max(float(np.abs(place_of(robot, TOOL, q).homogeneous - target.pose.matrix).max()) for q in rows)
+    wanted = target.pose.matrix
+    return max(float(np.abs(place.homogeneous - wanted).max()) for place in places_of(robot, TOOL, rows))
 
 
 def farthest(rows: np.ndarray, others: np.ndarray) -> float:
