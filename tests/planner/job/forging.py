@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import hdplan
+from hdplan import Trajectory
 from hdplan.verify.bundle import MAGIC as JOB_MAGIC, parts_of
 from hdplan.verify.checking import Verdict, check_job
 from hdplan.verify.compare import plain
@@ -16,6 +20,7 @@ from hdplan.verify.job import read_job
 from hdplan.verify.kernel import MAGIC, unpack
 
 Worlds = list[dict[str, Any]]
+Forgery = Callable[[Trajectory], Trajectory]
 
 
 def written(result: hdplan.JobResult, folder: Path) -> tuple[Path, Path]:
@@ -64,3 +69,33 @@ def signed(scene: Path, motion: Path, data: bytes) -> bytes:
 def judged(scene: Path, motion: Path, data: bytes) -> Verdict:
     """What the checker says once a forger has signed."""
     return check_job(scene, motion, signed(scene, motion, data))[0]
+
+
+def shifted(key: str, row: int, column: str, by: float, stage: str = "") -> Forgery:
+    """A value of one joint changed in a row of the motion, counted from where a stage begins."""
+
+    def change(motion: Trajectory) -> Trajectory:
+        values, begins = np.array(getattr(motion, key)), {mark.name: mark.row for mark in motion.stages}
+        values[begins.get(stage, 0) + row, motion.joint_names.index(column)] += by
+        return replace(motion, **{key: values})
+
+    return change
+
+
+def marked(by: int, *names: str) -> Forgery:
+    """Stages that begin some rows later."""
+
+    def change(motion: Trajectory) -> Trajectory:
+        marks = tuple(replace(each, row=each.row + by * (each.name in names)) for each in motion.stages)
+        return replace(motion, stages=marks)
+
+    return change
+
+
+def body(world: dict[str, Any], name: str) -> dict[str, Any]:
+    (found,) = [each for each in world["bodies"] if each["name"] == name]
+    return dict(found)
+
+
+def change_body(world: dict[str, Any], name: str, **changes: Any) -> None:
+    world["bodies"] = [{**each, **changes} if each["name"] == name else each for each in world["bodies"]]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,17 +16,15 @@ from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.proof import prove_certified
 from hdplan.scenes.yaml_format.reader import shipped_jobs
 from hdplan.verify.balls import RejectedError
-from hdplan.verify.bundle import parts_of
 from hdplan.verify.checking import check_job, check_part
 from hdplan.verify.curves import Blend, Leg, arc_about, arc_through
 from hdplan.verify.effects import check_claim, wanted
 from hdplan.verify.follow import check_follow
 from hdplan.verify.job import Part, read_job
-from hdplan.verify.kernel import unpack
 from hdplan.verify.world import World
 
 from ..links import places_at
-from .forging import written
+from .forging import Forgery, marked, shifted, worlds, written
 
 TOOL, FINGERS = "panda_hand_tcp", ["panda_leftfinger", "panda_rightfinger"]
 HELD = {"panda_finger_joint1": 0.0102, "panda_finger_joint2": 0.0102}
@@ -86,13 +82,9 @@ def checked(files: Files) -> Any:
     return check_job(*files)
 
 
-def worlds_of(data: bytes) -> list[dict[str, Any]]:
-    return [json.loads(unpack(x)[1]) for x in parts_of(data)]
-
-
 def claimed(scene: Path, motion: Path, data: bytes) -> list[Part]:
     """The worlds of a forged job, once all that they want beside clearances is shown: with less, no proof is whole."""
-    parts = read_job(scene, motion, worlds_of(data))
+    parts = read_job(scene, motion, worlds(data))
     for part in parts:
         world = World(part.reading.world, {})
         for claim in sorted(wanted(world), key=lambda x: x != "path"):
@@ -118,38 +110,21 @@ def test_a_blended_job_is_accepted_whole(checked: Any) -> None:
 # --- no false job -----------------------------------------------------------------------------------------------------
 
 
-def moved(key: str, stage: str, row: int, column: str, by: float) -> Callable[[Trajectory], Trajectory]:
-    def change(motion: Trajectory) -> Trajectory:
-        values = np.array(getattr(motion, key))
-        (begin,) = [x.row for x in motion.stages if x.name == stage]
-        values[begin + row, motion.joint_names.index(column)] += by
-        return replace(motion, **{key: values})
-
-    return change
-
-
-def marked(by: int, *names: str) -> Callable[[Trajectory], Trajectory]:
-    def change(old: Trajectory) -> Trajectory:
-        return replace(old, stages=tuple(replace(x, row=x.row + by * (x.name in names)) for x in old.stages))
-
-    return change
-
-
-def sets(outputs: dict[str, Any]) -> Callable[[Trajectory], Trajectory]:
+def sets(outputs: dict[str, Any]) -> Forgery:
     def change(old: Trajectory) -> Trajectory:
         return replace(old, stages=tuple(replace(x, outputs=outputs if x.outputs else {}) for x in old.stages))
 
     return change
 
 
-def renamed(*names: str) -> Callable[[Trajectory], Trajectory]:
+def renamed(*names: str) -> Forgery:
     def change(old: Trajectory) -> Trajectory:
         return replace(old, stages=tuple(StageMark(x, y.row) for x, y in zip(names, old.stages, strict=True)))
 
     return change
 
 
-def faster(by: float) -> Callable[[Trajectory], Trajectory]:
+def faster(by: float) -> Forgery:
     def change(old: Trajectory) -> Trajectory:
         assert old.times is not None
         assert old.velocities is not None
@@ -171,24 +146,24 @@ FORGED_MOTIONS = {
     ],
     "other outputs": [sets({"valve": False}), sets({"valve": 1.0}), sets({"valve": True, "more": 1}), sets({})],
     "the tool off its line, its arc and its blends": [
-        moved("positions", "lift", 20, "panda_joint1", 4e-3),
-        moved("positions", "over", 40, "panda_joint2", 4e-3),
-        moved("positions", "over", 2, "panda_joint4", 4e-3),
-        moved("positions", "round", 40, "panda_joint1", 4e-3),
-        moved("positions", "down", 30, "panda_joint1", 6e-3),
+        shifted("positions", 20, "panda_joint1", 4e-3, "lift"),
+        shifted("positions", 40, "panda_joint2", 4e-3, "over"),
+        shifted("positions", 2, "panda_joint4", 4e-3, "over"),
+        shifted("positions", 40, "panda_joint1", 4e-3, "round"),
+        shifted("positions", 30, "panda_joint1", 6e-3, "down"),
     ],
-    "the tool turned": [moved("positions", name, 20, "panda_joint7", 0.015) for name in ("lift", "over", "round")],
+    "the tool turned": [shifted("positions", 20, "panda_joint7", 0.015, name) for name in ("lift", "over", "round")],
     "a join that is off, or jumps": [
-        moved("positions", "over", 0, "panda_joint2", 3e-3),
-        moved("velocities", "over", 0, "panda_joint2", 0.1),
-        moved("accelerations", "home", 0, "panda_joint2", 4.0),
-        moved("velocities", "home", 0, "panda_joint4", 0.2),
+        shifted("positions", 0, "panda_joint2", 3e-3, "over"),
+        shifted("velocities", 0, "panda_joint2", 0.1, "over"),
+        shifted("accelerations", 0, "panda_joint2", 4.0, "home"),
+        shifted("velocities", 0, "panda_joint4", 0.2, "home"),
     ],
     "limits broken where stages go over into one another": [faster(1.2), faster(1.05)],
     "a stage that ends, or begins, elsewhere": [
-        moved("positions", "open", 0, "panda_joint2", 3e-3),
-        moved("positions", "take", 0, "panda_joint2", 1e-4),
-        moved("positions", "down", -1, "panda_joint2", 0.1),
+        shifted("positions", 0, "panda_joint2", 3e-3, "open"),
+        shifted("positions", 0, "panda_joint2", 1e-4, "take"),
+        shifted("positions", -1, "panda_joint2", 0.1, "down"),
     ],
 }
 
@@ -270,8 +245,8 @@ def test_the_proof_tells_no_other_world(
 
 def test_a_proof_tells_no_other_rates_and_no_other_curve(files: Files) -> None:
     scene, motion, data = files
-    worlds = worlds_of(data)
-    parts = {part.name: (part, world) for part, world in zip(read_job(scene, motion, worlds), worlds, strict=True)}
+    written = worlds(data)
+    parts = {part.name: (part, world) for part, world in zip(read_job(scene, motion, written), written, strict=True)}
     part, world = parts["stage over"]
     (path,) = world["path"]
 
@@ -309,8 +284,6 @@ def test_the_middle_of_a_blend_excuses_no_clearance(scene: Scene, files: Files, 
     replace(scene, goal=None, planner=settings).save(other)
     with pytest.raises(RejectedError):
         check_job(other, motion, data)
-    certificate = hdplan.certify_job(hdplan.load_scene(other), Trajectory.load(motion))
-    assert not certificate.certified
 
 
 # --- curves -----------------------------------------------------------------------------------------------------------
@@ -342,7 +315,7 @@ def test_no_peak_of_speed_between_rows_is_accepted(files: Files, tmp_path: Path,
         changed = Trajectory.load(other)
         times, places = tool_places(changed, max(row - 2, rows["over"]), min(row + 2, rows["open"]))
         fastest = np.linalg.norm(np.diff(places, axis=0), axis=1).max() / np.diff(times).max()
-        parts = [x for x in read_job(scene, other, worlds_of(data)) if x.name in ("stage over", "stage round")]
+        parts = [x for x in read_job(scene, other, worlds(data)) if x.name in ("stage over", "stage round")]
         try:
             for part in parts:
                 check_follow(World(part.reading.world, {}), part.reading.world["path"][0])
@@ -356,7 +329,7 @@ def test_no_peak_of_speed_between_rows_is_accepted(files: Files, tmp_path: Path,
 def test_a_curve_is_followed_to_its_end_and_never_back(files: Files) -> None:
     """The same line in other rows: forth is accepted, and neither what turns round, nor what is cut short."""
     scene, motion, data = files
-    (part,) = [x for x in read_job(scene, motion, worlds_of(data)) if x.name == "stage down"]
+    (part,) = [x for x in read_job(scene, motion, worlds(data)) if x.name == "stage down"]
     rows = part.reading.world["motion"]["positions"]
     (path,) = part.reading.world["path"]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,7 @@ from hdplan.verify.reach import between
 from hdplan.verify.scene import solid
 from hdplan.verify.world import Piece, shape_of
 
-from .forging import judged, packed, worlds, written
+from .forging import Forgery, body, change_body, judged, marked, packed, shifted, worlds, written
 
 FINGER = "panda_finger_joint1"
 HAND = ["panda_leftfinger", "panda_rightfinger"]
@@ -109,15 +108,6 @@ def test_parts_are_those_of_the_stages(files: tuple[Path, Path, bytes]) -> None:
             check_job(scene, motion, each)
 
 
-def body(world: dict[str, Any], name: str) -> dict[str, Any]:
-    (found,) = [x for x in world["bodies"] if x["name"] == name]
-    return dict(found)
-
-
-def bodies(world: dict[str, Any], name: str, **changes: Any) -> None:
-    world["bodies"] = [{**x, **changes} if x["name"] == name else x for x in world["bodies"]]
-
-
 def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
     """A hold left out, another place after release, allowed contacts in another stage, limits, joints of the hand,
     the motion: of any part."""
@@ -126,7 +116,7 @@ def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
     parts = read_job(scene, motion, written)
 
     def moved(name: str) -> Any:
-        return lambda x: bodies(x, name, position=[a + 1e-6 for a in body(x, name)["position"]])
+        return lambda x: change_body(x, name, position=[a + 1e-6 for a in body(x, name)["position"]])
 
     def without(name: str) -> Any:
         return lambda x: x.update(bodies=[y for y in x["bodies"] if y["name"] != name])
@@ -135,8 +125,8 @@ def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
     changes += [
         lambda x: x.update(not_compared=sorted([*x["not_compared"], ["bar", "panda_link5", "touch_links"]])),
         lambda x: x.update(not_compared=x["not_compared"][1:]),
-        lambda x: bodies(x, "bar", joint=3),
-        lambda x: bodies(x, "shelf", kind="held" if body(x, "shelf")["kind"] == "obstacle" else "obstacle"),
+        lambda x: change_body(x, "bar", joint=3),
+        lambda x: change_body(x, "shelf", kind="held" if body(x, "shelf")["kind"] == "obstacle" else "obstacle"),
         lambda x: x.update(limits={**x["limits"], "position": x["limits"]["position"][::-1] + [[0.0, 1.0]]}),
         lambda x: x.update(held={y: at + 1e-3 for y, at in x["held"].items()}),
         lambda x: x.update(clearances={**x["clearances"], "self": -1.0}),
@@ -152,53 +142,31 @@ def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
                 check_part(part, forged)
 
 
-def changed_motion(motion: Path, change: Callable[[Trajectory], Trajectory], to: Path) -> Path:
-    change(Trajectory.load(motion)).save(to)
-    return to
-
-
-def shifted(key: str, row: int, column: str, by: float) -> Callable[[Trajectory], Trajectory]:
-    def change(motion: Trajectory) -> Trajectory:
-        values = np.array(getattr(motion, key))
-        values[row, motion.joint_names.index(column)] += by
-        return replace(motion, **{key: values})
-
-    return change
-
-
 @pytest.mark.core
 def test_a_forged_motion_is_rejected(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
     """Though hashes and worlds in the proof are those of the forged files."""
     scene, motion, data = files
-    rows = {mark.name: mark.row for mark in Trajectory.load(motion).stages}
-
-    def marked(name: str, by: int) -> Callable[[Trajectory], Trajectory]:
-        def change(old: Trajectory) -> Trajectory:
-            marks = [StageMark(x.name, x.row + by * (x.name == name)) for x in old.stages]
-            return replace(old, stages=tuple(marks))
-
-        return change
-
-    changes = [
-        shifted("positions", rows["lift"], FINGER, 1e-3),  # the hand is another where stages meet
-        shifted("positions", rows["lift"] + 3, FINGER, 1e-3),  # opens while it lifts
-        shifted("positions", rows["grip"] + 3, "panda_joint2", 1e-3),  # the arm moves while fingers do
-        shifted("velocities", rows["lift"], "panda_joint2", 1e-2),  # no rest
-        shifted("velocities", rows["let_go"], FINGER, 1e-2),
-        shifted("positions", rows["stand"], "panda_joint4", 5e-3),  # the line ends elsewhere
-        shifted("positions", rows["lift"] + 10, "panda_joint1", 5e-3),  # off the line
+    old = Trajectory.load(motion)
+    changes: list[Forgery] = [
+        shifted("positions", 0, FINGER, 1e-3, "lift"),  # the hand is another where stages meet
+        shifted("positions", 3, FINGER, 1e-3, "lift"),  # opens while it lifts
+        shifted("positions", 3, "panda_joint2", 1e-3, "grip"),  # the arm moves while fingers do
+        shifted("velocities", 0, "panda_joint2", 1e-2, "lift"),  # no rest
+        shifted("velocities", 0, FINGER, 1e-2, "let_go"),
+        shifted("positions", 0, "panda_joint4", 5e-3, "stand"),  # the line ends elsewhere
+        shifted("positions", 10, "panda_joint1", 5e-3, "lift"),  # off the line
         shifted("positions", 0, "panda_joint1", 1e-4),  # another start
-        shifted("positions", rows["stand"] + 1, "panda_joint1", 1e-3),  # moves in a wait
-        *(marked(name, by) for name, by in (("lift", 3), ("lift", -3), ("stand", -3), ("let_go", 3), ("away", -3))),
+        shifted("positions", 1, "panda_joint1", 1e-3, "stand"),  # moves in a wait
+        *(marked(by, name) for name, by in (("lift", 3), ("lift", -3), ("stand", -3), ("let_go", 3), ("away", -3))),
         lambda old: replace(old, stages=old.stages[:-1]),
         lambda old: replace(old, stages=(*old.stages[:2], *old.stages[3:])),
-        lambda old: replace(old, stages=(*old.stages[:1], StageMark("stand", rows["lift"]), *old.stages[3:])),
+        lambda old: replace(old, stages=(old.stages[0], StageMark("stand", old.stages[1].row), *old.stages[3:])),
         lambda old: replace(old, times=np.array(old.times) * 0.5),
     ]
     for i, change in enumerate(changes):
-        other = changed_motion(motion, change, tmp_path / f"{i}.json")
+        change(old).save(tmp_path / f"{i}.json")
         with pytest.raises(RejectedError):
-            judged(scene, other, data)
+            judged(scene, tmp_path / f"{i}.json", data)
 
 
 @pytest.mark.sampled(3)
