@@ -19,6 +19,8 @@ from hdplan.verify.compare import plain
 from hdplan.verify.job import read_job
 from hdplan.verify.kernel import MAGIC, unpack
 
+from ..links import place_of
+
 Worlds = list[dict[str, Any]]
 Forgery = Callable[[Trajectory], Trajectory]
 
@@ -30,6 +32,25 @@ def written(result: hdplan.JobResult, folder: Path) -> tuple[Path, Path]:
     result.scene.save(scene)
     result.save(motion)
     return scene, motion
+
+
+def tip() -> Any:
+    """The place (3,) between the Panda's fingers at its default state."""
+    robot = hdplan.load_robot("panda")
+    return place_of(robot, "panda_hand_tcp", [robot.named_states["default"][x] for x in robot.joint_names]).translation
+
+
+def on_a_shelf(finger: float, **fields: Any) -> hdplan.Scene:
+    """A bar stands there on a shelf; the fingers are so far open, and a ball is far away."""
+    robot = hdplan.load_robot("panda")
+    start = {x: robot.named_states["default"][x] for x in robot.joint_names}
+    start |= {"panda_finger_joint1": finger, "panda_finger_joint2": finger}
+    obstacles = [
+        hdplan.Obstacle("bar", hdplan.Box([0.02, 0.02, 0.06]), list(tip() - [0, 0, 0.025])),
+        hdplan.Obstacle("shelf", hdplan.Box([0.1, 0.1, 0.02]), list(tip() - [0, 0, 0.065])),
+        hdplan.Obstacle("far", hdplan.Sphere(0.05), [0.0, 0.9, 0.5]),
+    ]
+    return hdplan.Scene(robot="panda", start=start, obstacles=obstacles, **fields)
 
 
 def packed(parts: list[bytes]) -> bytes:

@@ -12,7 +12,6 @@ import pytest
 
 import hdplan
 from hdplan import Scene, StageMark, Trajectory
-from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.proof import prove_certified
 from hdplan.scenes.yaml_format.reader import shipped_jobs
 from hdplan.verify.balls import RejectedError
@@ -24,17 +23,16 @@ from hdplan.verify.job import Part, read_job
 from hdplan.verify.world import World
 
 from ..links import places_at
-from .forging import Forgery, marked, shifted, worlds, written
+from .forging import Forgery, marked, on_a_shelf, shifted, tip, worlds, written
 
 TOOL, FINGERS = "panda_hand_tcp", ["panda_leftfinger", "panda_rightfinger"]
-HELD = {"panda_finger_joint1": 0.0102, "panda_finger_joint2": 0.0102}
 SPEED = 0.1
 Files = tuple[Path, Path, bytes]
 
 
-def job(tip: Any, **changes: Any) -> hdplan.Job:
+def job(**changes: Any) -> hdplan.Job:
     """A bar is lifted, carried over an edge and round a bend without a stop, and left there; stages with changes."""
-    above = hdplan.Pose([*(tip + [0.0, 0.0, 0.1])], [1.0, 0.0, 0.0, 0.0])
+    above = hdplan.Pose([*(tip() + [0.0, 0.0, 0.1])], [1.0, 0.0, 0.0, 0.0])
     stages = {
         "take": hdplan.Grip(object="bar", link="panda_hand", touch=[["bar", [*FINGERS, "shelf"]]]),
         "lift": hdplan.Line(by=[0.0, 0.0, 0.06], link=TOOL, touch=[["bar", "shelf"]], blend=0.02),
@@ -50,23 +48,8 @@ def job(tip: Any, **changes: Any) -> hdplan.Job:
 
 
 @pytest.fixture(scope="module")
-def tip() -> Any:
-    robot = hdplan.load_robot("panda")
-    q = np.array([robot.named_states["default"][x] for x in robot.joint_names])
-    return link_pose(robot, q, TOOL)[:3, 3]
-
-
-@pytest.fixture(scope="module")
-def scene(tip: Any) -> Scene:
-    robot = hdplan.load_robot("panda")
-    obstacles = [
-        hdplan.Obstacle("bar", hdplan.Box([0.02, 0.02, 0.06]), list(tip - [0, 0, 0.025])),
-        hdplan.Obstacle("shelf", hdplan.Box([0.1, 0.1, 0.02]), list(tip - [0, 0, 0.065])),
-        hdplan.Obstacle("far", hdplan.Sphere(0.05), [0.0, 0.9, 0.5]),
-    ]
-    start = {**{x: robot.named_states["default"][x] for x in robot.joint_names}, **HELD}
-    limits = hdplan.Limits(acceleration=5.0, jerk=500.0)
-    return hdplan.Scene(robot="panda", start=start, limits=limits, obstacles=obstacles, job=job(tip))
+def scene() -> Scene:
+    return on_a_shelf(0.0102, limits=hdplan.Limits(acceleration=5.0, jerk=500.0), job=job())
 
 
 @pytest.fixture(scope="module")
@@ -205,20 +188,20 @@ FORGED_JOBS = [
 ]
 
 
-def other_job(scene: Scene, tip: Any, folder: Path, changes: dict[str, Any]) -> Path:
+def other_job(scene: Scene, folder: Path, changes: dict[str, Any]) -> Path:
     """The file of the scene with changes of its job's stages."""
     other = folder / "other.yaml"
-    replace(scene, goal=None, job=job(tip, **changes)).save(other)
+    replace(scene, goal=None, job=job(**changes)).save(other)
     return other
 
 
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("changes", FORGED_JOBS, ids=str)
 def test_the_motion_of_another_job_is_rejected(
-    scene: Scene, files: Files, tip: Any, tmp_path: Path, changes: dict[str, Any]
+    scene: Scene, files: Files, tmp_path: Path, changes: dict[str, Any]
 ) -> None:
     _, motion, data = files
-    other = other_job(scene, tip, tmp_path, changes)
+    other = other_job(scene, tmp_path, changes)
     with pytest.raises(RejectedError):
         claimed(other, motion, data)
 
@@ -234,11 +217,9 @@ def test_the_motion_of_another_job_is_rejected(
     ],
     ids=str,
 )
-def test_the_proof_tells_no_other_world(
-    scene: Scene, files: Files, tip: Any, tmp_path: Path, changes: dict[str, Any]
-) -> None:
+def test_the_proof_tells_no_other_world(scene: Scene, files: Files, tmp_path: Path, changes: dict[str, Any]) -> None:
     _, motion, data = files
-    other = other_job(scene, tip, tmp_path, changes)
+    other = other_job(scene, tmp_path, changes)
     with pytest.raises(RejectedError):
         check_job(other, motion, data)
 

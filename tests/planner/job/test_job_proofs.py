@@ -16,7 +16,6 @@ import yaml
 import hdplan
 from hdplan import InputError, Scene, StageMark, Trajectory
 from hdplan.planner.commands.verify import run_verify
-from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.proof import prove_job
 from hdplan.verify.balls import HERE, RejectedError
 from hdplan.verify.bundle import parts_of
@@ -27,7 +26,7 @@ from hdplan.verify.reach import between
 from hdplan.verify.scene import solid
 from hdplan.verify.world import Piece, shape_of
 
-from .forging import Forgery, body, change_body, judged, marked, packed, shifted, worlds, written
+from .forging import Forgery, body, change_body, judged, marked, on_a_shelf, packed, shifted, worlds, written
 
 FINGER = "panda_finger_joint1"
 HAND = ["panda_leftfinger", "panda_rightfinger"]
@@ -53,18 +52,7 @@ def job(**changes: Any) -> hdplan.Job:
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    robot = hdplan.load_robot("panda")
-    states = robot.named_states["default"]
-    start = {**{x: states[x] for x in robot.joint_names}, FINGER: 0.02, "panda_finger_joint2": 0.02}
-    tip = link_pose(robot, np.array([start[x] for x in robot.joint_names]), "panda_hand_tcp")[:3, 3]
-    bar, shelf = hdplan.Box([0.02, 0.02, 0.06]), hdplan.Box([0.1, 0.1, 0.02])
-    obstacles = [
-        hdplan.Obstacle("bar", bar, list(tip - [0, 0, 0.025])),
-        hdplan.Obstacle("shelf", shelf, list(tip - [0, 0, 0.065])),
-        hdplan.Obstacle("far", hdplan.Sphere(0.05), [0.0, 0.9, 0.5]),
-    ]
-    limits = hdplan.Limits(acceleration=4.0)
-    return hdplan.Scene(robot="panda", start=start, limits=limits, obstacles=obstacles, job=job())
+    return on_a_shelf(0.02, limits=hdplan.Limits(acceleration=4.0), job=job())
 
 
 @pytest.fixture(scope="module")
