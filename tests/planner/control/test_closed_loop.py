@@ -165,15 +165,6 @@ def test_a_joint_beyond_its_limit_comes_back_as_fast_as_it_may(robot: Robot) -> 
         assert robot.lower[joint] - 1e-3 <= run.positions[-1, joint] <= robot.upper[joint] + 1e-3
 
 
-def test_joint_limits_are_never_crossed(robot: Robot) -> None:
-    settings = ControlSettings(rate=20.0)
-    controller = Controller.of(scene_of(), settings, robot)
-    for goal in (robot.upper + 1.0, robot.lower - 1.0):
-        run = simulate(controller, READY, standing(goal), 2.0)
-        assert (run.positions >= robot.lower - 1e-9).all()
-        assert (run.positions <= robot.upper + 1e-9).all()
-
-
 @pytest.mark.parametrize("starts", [5, pytest.param(1000, marks=pytest.mark.slow)])
 def test_never_a_contact_from_random_starts(starts: int, robot: Robot) -> None:
     """With settings that the rule calls safe: every motion is certified, between its samples too, on the real meshes,

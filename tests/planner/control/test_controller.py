@@ -12,15 +12,14 @@ from hdplan import InputError, Obstacle, Pose, Robot, SteadyMotion
 from hdplan.control import Controller, ControlSettings, Mode
 from hdplan.planner.control.braking import Command
 from hdplan.planner.control.rollout import fast_energy, simulate, total_variation
-from hdplan.planner.control.tasks import PoseTask, TrackTask, standing
+from hdplan.planner.control.tasks import TrackTask, standing
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.shapes import Sphere
-from hdplan.scenes.targets import PoseTarget
 
 from .rooms import READY, random_boxes, scene_of
 
 
-def test_what_comes_to_a_link_that_no_joint_moves_ends_the_proof(robot: Robot) -> None:
+def test_an_obstacle_at_a_link_that_no_joint_moves_ends_the_proof(robot: Robot) -> None:
     """No command can prevent the contact, so the pair has no row: the command is the same, and nothing is proven."""
     ball = Obstacle("ball", Sphere(0.1), Pose((-1.5, 0.0, 0.05)), motion=SteadyMotion((0.5, 0.0, 0.0)))
     controller = Controller.of(scene_of(ball), robot=robot)
@@ -31,7 +30,7 @@ def test_what_comes_to_a_link_that_no_joint_moves_ends_the_proof(robot: Robot) -
     assert met.mode is Mode.MOVING
 
 
-def test_numbers_that_are_none_are_refused_before_anything_is_commanded(robot: Robot) -> None:
+def test_nan_and_other_wrong_numbers_are_refused_before_anything_is_commanded(robot: Robot) -> None:
     controller = Controller.of(scene_of(), robot=robot)
     nan = np.where(np.arange(7) == 2, np.nan, 1.0)
 
@@ -90,12 +89,8 @@ def test_threads_that_share_a_controller_command_what_one_does(robot: Robot) -> 
     np.testing.assert_array_equal(together, alone * 3)
 
 
-def test_a_free_robot_reaches_its_pose_and_tracks(robot: Robot) -> None:
-    settings = ControlSettings()
-    controller = Controller.of(scene_of(), settings, robot)
-    target = PoseTarget("panda_hand", Pose((0.45, 0.2, 0.5), (1.0, 0.0, 0.0, 0.0)))
-    reached = simulate(controller, READY, PoseTask(robot, target, gain=3.0), 6.0)
-    assert reached.met is not None
+def test_a_free_robot_tracks(robot: Robot) -> None:
+    controller = Controller.of(scene_of(), robot=robot)
     wave = np.array([0.3, 0.1, -0.2, 0.1, 0.2, 0.1, 0.3])
     follow = TrackTask(lambda t: (READY + wave * math.sin(t), wave * math.cos(t)), end=3.0)
     run = simulate(controller, READY, follow, 3.0)
