@@ -211,7 +211,7 @@ def test_a_diagnosis_is_part_of_the_row(run_here: Callable[..., bool]) -> None:
 
 
 def test_a_row_that_the_clock_ended_says_so() -> None:
-    """So that rows which differ between two runs say why."""
+    """Rows that differ between two runs say why."""
     wall = hdplan.Obstacle("wall", hdplan.Box([2.4, 0.05, 0.5]), hdplan.Pose([1.4, 0.0, 0.1]))
     blocked = dataclasses.replace(ARM, obstacles=(wall,))
     cases = [(ARM, 30.0), (ARM.with_goal([0.06, 0.0]), 30.0), (blocked, 1e-9), (blocked, 2.0)]

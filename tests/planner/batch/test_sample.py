@@ -79,7 +79,7 @@ def test_bad_values_are_refused(values: dict[str, Any], words: list[str]) -> Non
     assert "\n" not in str(caught.value)
 
 
-def test_where_nothing_is_free_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_world_without_free_configurations_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     content = yaml.safe_load(Path(load_scene(ARM).source).read_text())
     folder = Path(load_scene(ARM).source).parent
     content["robot"] = {"urdf": str(folder / "planar_arm.urdf"), "srdf": str(folder / "planar_arm.srdf")}

@@ -53,7 +53,7 @@ def test_the_value_of_a_barrier_bounds_the_separation(normals: str, robot: Robot
 
 
 def test_a_vertex_that_touches_reads_no_less(robot: Robot) -> None:
-    """What `refuse_unsafe` says of a touching vertex is true of one."""
+    """The bound of `refuse_unsafe` for a touching vertex holds."""
     growth, length = 0.025, 0.03
     box, wall = ConvexBody.box([0.2, 0.2, 0.2]), ConvexBody.box([0.4 + 2 * growth] * 3)
     x = np.array([1.0, 1.0, 1.0]) / math.sqrt(3)  # the box stands on a corner

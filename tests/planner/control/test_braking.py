@@ -32,7 +32,7 @@ def random_rates(rng: np.random.Generator, n: int = 7) -> Rates:
 
 
 @pytest.mark.core
-def test_whatever_is_commanded_within_the_window_all_limits_are_kept_and_rest_is_reached() -> None:
+def test_every_command_within_the_window_keeps_all_limits_and_can_come_to_rest() -> None:
     rng = np.random.default_rng(0)
     for _ in range(60):
         rates, last = random_rates(rng), Command.rest(7)
@@ -55,7 +55,7 @@ def test_whatever_is_commanded_within_the_window_all_limits_are_kept_and_rest_is
 
 
 def test_joints_driven_at_their_limits_stop_before_them() -> None:
-    """At every period the farthest command that the window allows, at random to either side."""
+    """The farthest command that the window allows is sent in every period, at random to either side."""
     rng = np.random.default_rng(1)
     near = 0
     for _ in range(25):

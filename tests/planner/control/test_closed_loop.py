@@ -132,8 +132,8 @@ def test_a_robot_on_the_flat_spot_moves_on(starts: int, robot: Robot) -> None:
     ],
 )  # fmt: skip
 def test_links_deep_in_a_box_come_out(sides: Array, where: Array, turn: Array, q: Array, robot: Robot) -> None:
-    """Of two links in a box, 75 and 87 mm deep, the way out of one leads deeper into it for the other: both come out,
-    and no other link touches it meanwhile."""
+    """Two links are in a box, 75 and 87 mm deep, and the way out of one leads deeper into it for the other: both come
+    out, and no other link touches it meanwhile."""
     deep = Obstacle("deep", Box(sides), Pose(where, tuple((np.array(turn) / np.linalg.norm(turn)).tolist())))
     controller = Controller.of(scene_of(deep), ControlSettings(period=0.01), robot)
     outer = np.arange(controller.barriers.obstacle_pairs)
@@ -165,9 +165,16 @@ def test_a_joint_beyond_its_limit_comes_back_as_fast_as_it_may(robot: Robot) -> 
         assert robot.lower[joint] - 1e-3 <= run.positions[-1, joint] <= robot.upper[joint] + 1e-3
 
 
+def test_joint_limits_are_never_crossed(robot: Robot) -> None:
+    controller = Controller.of(scene_of(), ControlSettings(rate=20.0), robot)
+    for goal in (robot.upper + 1.0, robot.lower - 1.0):
+        run = simulate(controller, READY, standing(goal), 2.0)
+        assert ((robot.lower - 1e-9 <= run.positions) & (run.positions <= robot.upper + 1e-9)).all()
+
+
 @pytest.mark.parametrize("starts", [5, pytest.param(1000, marks=pytest.mark.slow)])
 def test_never_a_contact_from_random_starts(starts: int, robot: Robot) -> None:
-    """With settings that the rule calls safe: every motion is certified, between its samples too, on the real meshes,
+    """Settings that the rule calls safe: every motion is certified, between its samples too, on the real meshes,
     and where the barriers held at the start it keeps what the rule promises."""
     rng = np.random.default_rng(7)
     settings = ControlSettings(period=0.01, speed=0.3)
@@ -198,7 +205,7 @@ def test_never_a_contact_from_random_starts(starts: int, robot: Robot) -> None:
 
 
 def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
-    """Where outer bodies overlap and links do not, the exact distance of the hulls is kept, and no other pair's Δ falls
+    """Outer bodies that overlap while the links do not: the exact distance of the hulls is kept, and no other pair's Δ falls
     below its margin."""
     rng = np.random.default_rng(10)
     settings = ControlSettings(period=0.01, speed=0.3)

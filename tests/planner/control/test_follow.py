@@ -153,7 +153,7 @@ def test_check_reports_of_the_written_motion_what_follow_reported(
 
 
 def test_the_executed_motion_follows_the_commands(free: Followed) -> None:
-    """Within the hull of the last four commanded places, no faster than them, and a spline to the second derivative."""
+    """It stays within the hull of the last four commanded places, no faster than them, and a spline to the second derivative."""
     curve, places, period = free.trajectory.curve, free.run.positions, free.run.period
     np.testing.assert_array_equal(curve.rows[[0, -1]], places[[0, -1]])
     padded = np.concatenate([places[:1], places[:1], places, places[-1:], places[-1:]])
@@ -211,7 +211,7 @@ def test_the_follower_arrives_without_overshoot_within_any_limits(
 
 
 def test_a_motion_that_is_slowed_asks_for_what_it_may(robot: Robot) -> None:
-    """Whatever it knows of its derivatives: positions, velocities and accelerations."""
+    """The motion knows positions, velocities too, or accelerations too."""
     rng, times = np.random.default_rng(3), np.linspace(0.0, 0.8, 9)
     rows, most = rng.uniform(-1.0, 1.0, (3, 9, 2)), np.full(2, 2.0)
     rates = Rates(most, most, most, 0.005)

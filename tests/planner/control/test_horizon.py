@@ -88,7 +88,7 @@ def test_the_rate_grows_toward_the_horizon(robot: Robot) -> None:
 
 
 def test_obstacles_in_no_pair_stay_beyond_the_proven_distance(robot: Robot) -> None:
-    """Of balls and points about as far as the arm reaches, whatever the margin."""
+    """Balls and points are about as far as the arm reaches, whatever the margin."""
     rng, model, left = np.random.default_rng(5), collision_model_of(robot, "fitted", "box"), 0
     ways = rng.normal(size=(60, 3))
     places = [0.0, 0.0, 0.333] + ways / np.linalg.norm(ways, axis=1)[:, None] * rng.uniform(0.3, 1.9, (60, 1))

@@ -103,7 +103,7 @@ def every_low(controller: Controller, path: Array, floors: Floors) -> tuple[Lows
 
 @pytest.mark.parametrize("settings", [ControlSettings(), EUCLIDEAN], ids=["hdsdf", "euclidean"])
 def test_lows(settings: ControlSettings, robot: Robot) -> None:
-    """On random paths, with floors that many pairs fall below, of obstacles that stand and that move, and of links."""
+    """Random paths, with floors that many pairs fall below, of obstacles that stand and that move, and of links."""
     controller, rng = Controller.of(crowded(), settings, robot), np.random.default_rng(7)
     sight, barriers, low = controller.sight, controller.barriers, 0
     for _ in range(8):
@@ -121,7 +121,7 @@ def test_lows(settings: ControlSettings, robot: Robot) -> None:
 
 @pytest.mark.parametrize("settings", [ControlSettings(), EUCLIDEAN], ids=["hdsdf", "euclidean"])
 def test_commands(settings: ControlSettings, robot: Robot) -> None:
-    """From random starts, many of them inside margins, with the last command of the loops."""
+    """Random starts, many of them inside margins, with the last command of the loops."""
     controller, rng = Controller.of(crowded(), settings, robot), np.random.default_rng(8)
     modes = set()
     for q in robot.draw(rng, 4):
@@ -154,7 +154,7 @@ def test_joints_that_follow_others(tmp_path: Path) -> None:
 
 
 def test_depths_do_not_depend_on_the_samples_before(robot: Robot) -> None:
-    """Where the robot stands still on its whole way, no pair in contact falls: depths are exact to 1e-9 m only."""
+    """A robot that stands still on its whole way: no pair in contact falls: depths are exact to 1e-9 m only."""
     rng = np.random.default_rng(5)
     eggs = [
         Obstacle(f"egg{k}", Ellipsoid(rng.uniform(0.05, 0.3, 3)), Pose(rng.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 0.9))))

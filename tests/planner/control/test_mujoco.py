@@ -67,7 +67,7 @@ def test_the_mujoco_model_has_the_mechanics_of_the_robot(name: str) -> None:
         assert np.allclose(data.qfrc_gravcomp, weight, rtol=1e-6, atol=1e-5)
 
 
-def test_what_is_executed_stays_in_the_measured_tube_and_the_proof_holds(
+def test_the_executed_motion_stays_in_the_measured_tube_and_the_proof_holds(
     planned: tuple[hdplan.Scene, Trajectory],
 ) -> None:
     scene, motion = planned
@@ -225,7 +225,7 @@ def test_a_replanner_drives_the_body(planned: tuple[hdplan.Scene, Trajectory]) -
 def test_an_arm_whose_replanner_fails_comes_to_rest_as_proven(
     fault: str, planned: tuple[hdplan.Scene, Trajectory]
 ) -> None:
-    """Without a jump: along the last command, to its end. Then the error is raised."""
+    """The arm follows the last command to its end, without a jump. Then the error is raised."""
     scene = replace(planned[0], obstacles=[], robot=hdplan.RobotSpec("panda", tracking=hdplan.Tracking(0.01, 0.4)))
     arm = Faulty(planned[1].joint_names, np.array(scene.start.positions), 0.0, 10**6)
 

@@ -53,7 +53,7 @@ def test_commands_are_the_best_that_the_barriers_allow(robot: Robot) -> None:
     assert seen > 10
 
 
-def test_where_not_all_can_be_met_the_command_is_the_best(robot: Robot) -> None:
+def test_the_command_is_the_best_if_not_all_rows_can_be_met(robot: Robot) -> None:
     """A box around the wrist: what cannot come back to its margin does not fall, links that overlap it come out as a
     whole, and the step says which."""
     tight = Obstacle("tight", Box((0.6, 0.6, 0.6)), Pose((0.3, 0.0, 0.5)))
@@ -74,7 +74,7 @@ def test_where_not_all_can_be_met_the_command_is_the_best(robot: Robot) -> None:
 
 
 def test_rows_that_cannot_be_met_are_met_as_well_as_can_be() -> None:
-    """On random programs without a solution: floors hold, and what is missed is paid for as little as can be."""
+    """Random programs without a solution: floors hold, and what is missed is paid for as little as can be."""
     rng = np.random.default_rng(11)
     gave = 0
     for k in range(60):

@@ -83,7 +83,7 @@ def test_a_relative_task_is_met_while_the_other_arm_moves(baxter: Robot) -> None
     assert not task.met(start, 0.0)
 
 
-def test_what_does_not_move_apart_is_refused_in_one_line(baxter: Robot) -> None:
+def test_links_that_do_not_move_apart_are_refused_in_one_line(baxter: Robot) -> None:
     target = PoseTarget(RIGHT, Pose((0.0, 0.0, 0.1)))
     for to, message in (
         ("right_grippr", "to: unknown link 'right_grippr'.*right_gripper"),

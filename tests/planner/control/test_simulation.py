@@ -37,7 +37,7 @@ def _scene(robot: RobotSpec = PANDA, **changes: object) -> Scene:
 
 
 def _motion(robot: Robot, start: Floats, goal: Floats, duration: float) -> Trajectory:
-    """From rest to rest by the law of minimum jerk, a hundred rows a second."""
+    """A motion from rest to rest by the law of minimum jerk, a hundred rows a second."""
     times = np.linspace(0, duration, round(100 * duration) + 1)
     s, way = times / duration, goal - start
     place = np.outer(10 * s**3 - 15 * s**4 + 6 * s**5, way)

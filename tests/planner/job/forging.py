@@ -88,7 +88,7 @@ def signed(scene: Path, motion: Path, data: bytes) -> bytes:
 
 
 def judged(scene: Path, motion: Path, data: bytes) -> Verdict:
-    """What the checker says once a forger has signed."""
+    """The verdict of the checker once a forger has signed."""
     return check_job(scene, motion, signed(scene, motion, data))[0]
 
 

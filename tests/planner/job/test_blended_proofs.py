@@ -342,7 +342,7 @@ def test_a_curve_is_followed_to_its_end_and_never_back(files: Files) -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_chords_are_as_near_as_they_say(seed: int) -> None:
-    """Of random arcs and lines that are blended, turned and free, at equal shares, in all places that are tried."""
+    """Random arcs and lines, blended, turned and free, at equal shares."""
     rng = np.random.default_rng(seed)
 
     def rotation(size: float) -> Any:
@@ -403,7 +403,7 @@ def test_arcs_are_circles(seed: int) -> None:
     "name", [pytest.param(x, marks=[pytest.mark.slow] * (x == "baxter_handover")) for x in sorted(shipped_jobs())]
 )  # what goes from hand to hand has its own laws in `test_held_proofs`
 def test_shipped_jobs_have_proofs(name: str, tmp_path: Path) -> None:
-    """As `hdplan plan NAME -o job.json --proof job.proof` writes them, on a machine that may be busy."""
+    """The proofs of `hdplan plan NAME -o job.json --proof job.proof`, on a machine that may be busy."""
     result = hdplan.plan_job(hdplan.load_scene(name), time_limit=600.0)
     assert result.certified, result.text
     result.save(tmp_path / "job.json")

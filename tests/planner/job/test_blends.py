@@ -81,7 +81,7 @@ def apart(places: Any, curve: Any) -> float:
 
 
 def check_motion(result: JobResult) -> None:
-    """At rest at both ends, moving where stages meet, within the limits, without a jump of the velocity."""
+    """The motion rests at both ends, moves where stages meet, within the limits, without a jump of the velocity."""
     motion = result.trajectory
     assert motion.velocities is not None
     assert np.abs(motion.velocities[[0, -1]]).max() == 0.0
@@ -97,7 +97,7 @@ def check_motion(result: JobResult) -> None:
 
 
 def line_and_arc(**tolerances: float) -> JobResult:
-    """With speeds of their own: the blend takes as long as the slower one is in the ball."""
+    """Both have speeds of their own: the blend takes as long as the slower one is in the ball."""
     found = hdplan.plan_job(
         job_of(
             hdplan.Line(to=P2, name="line", tool_speed=0.5, tool_acceleration=0.8, blend=0.1, **tolerances),
@@ -122,7 +122,7 @@ def coarse() -> JobResult:
 
 
 def test_curves_blend_as_pilz_does_it(planned: JobResult) -> None:
-    """At 1,000 random places, by a simulation in steps of 0.2 ms."""
+    """A simulation in steps of 0.2 ms says the same at 1,000 random places."""
     step = 2e-4
     _, places, _ = driven(planned)
     first = P1 + trapezoid(0.3, 0.5, 0.8, step)[:, None] / 0.3 * (P2 - P1)
@@ -143,7 +143,7 @@ def test_curves_blend_as_pilz_does_it(planned: JobResult) -> None:
 
 
 def test_without_speeds_both_brake_and_accelerate_evenly() -> None:
-    """In closed form; and it takes less time than the two lines one by one."""
+    """The curve has a closed form, and it takes less time than the two lines one by one."""
     rotation = place_of(hdplan.load_robot("panda"), TOOL, START).rotation
     turned = Rotation.from_rotvec([0.2, -0.1, 0.3]) * Rotation.from_matrix(rotation)
     stages = [hdplan.Line(to=P2, blend=0.12, **FINE), hdplan.Line(to=P3, rpy=turned.as_euler("xyz"), **FINE)]

@@ -67,7 +67,7 @@ def stage_named(planned: JobResult, name: str) -> hdplan.StageCertificate:
 
 
 def test_a_turning_line(planned: JobResult) -> None:
-    """On the line; turned by the share of the way that is done."""
+    """The tool stays on the line, turned by the share of the way that is done."""
     _, places, turns = tool_at(stage_named(planned, "turning"))
     way = turns[0].apply([0.05, 0.1, 0.0])
     length = np.linalg.norm(way)

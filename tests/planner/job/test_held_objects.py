@@ -49,7 +49,7 @@ def placed() -> JobResult:
 
 
 def test_a_held_object_is_brought_to_a_pose_like_a_link(placed: JobResult, tmp_path: Path) -> None:
-    """By Pinocchio: where the cup has the bar since it took it, all the way; the bar's own line is straight."""
+    """The cup keeps the bar where it took it, all the way, by Pinocchio; the bar's own line is straight."""
     assert placed.certified, placed.text
     robot, motion = hdplan.load_robot(placed.scene.robot), placed.trajectory
 

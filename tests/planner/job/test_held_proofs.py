@@ -71,7 +71,7 @@ def files(scene: hdplan.Scene, tmp_path_factory: pytest.TempPathFactory) -> File
 
 
 def test_a_handover_is_proven_in_full(files: Files) -> None:
-    """With the joint that carries the bar, and what may touch it, in every stage."""
+    """The joint that carries the bar, and what may touch it, are known in every stage."""
     scene, motion, data = files
     verdict, read = check_job(scene, motion, data)
     assert verdict.whole
@@ -112,7 +112,7 @@ def test_a_handover_is_proven_in_full(files: Files) -> None:
 def test_the_proof_of_another_job_is_rejected(
     scene: hdplan.Scene, files: Files, tmp_path: Path, changes: dict[str, Any], words: str | None
 ) -> None:
-    """Though the forger writes hashes and worlds of the files that are read."""
+    """The forger writes hashes and worlds of the files that are read."""
     _, motion, data = files
     other, moved = tmp_path / "other.yaml", Trajectory.load(motion)
     replace(scene, goal=None, job=job(**changes)).save(other)
@@ -175,7 +175,7 @@ def test_a_proof_cannot_say_who_holds_it(files: Files) -> None:
 
 
 def test_a_single_motion_leads_what_is_held(scene: hdplan.Scene, tmp_path: Path) -> None:
-    """To a pose of its own frame, where it is, and nowhere else; what does not move is nothing to lead."""
+    """Its own frame is led to a pose, and nowhere else; a link that does not move cannot be led."""
     bar = hdplan.Attached("bar", "left", scene.obstacles[0].shape, hdplan.Pose.from_rpy([0.13, 0.0, 0.0], [0, 0, 0.3]))
     there = hdplan.Pose.from_rpy([0.0, 0.0, 0.0], [0.0, 0.0, 0.3])
     path = hdplan.PathConstraints(upright=hdplan.Upright("bar", "z", 0.01))

@@ -132,7 +132,7 @@ def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
 
 @pytest.mark.core
 def test_a_forged_motion_is_rejected(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
-    """Though hashes and worlds in the proof are those of the forged files."""
+    """Hashes and worlds in the proof are those of the forged files."""
     scene, motion, data = files
     old = Trajectory.load(motion)
     changes: list[Forgery] = [
@@ -188,7 +188,7 @@ def test_the_proof_of_another_job_is_rejected(
 def test_a_released_object_stays_at_its_release_pose(
     scene: Scene, files: tuple[Path, Path, bytes], tmp_path: Path
 ) -> None:
-    """As far as the checker's own kinematics says, and hdplan's."""
+    """The checker's own kinematics and hdplan's agree on that."""
     path, motion, data = files
     first, last = worlds(data)[0], read_job(path, motion, worlds(data))[-1].reading.world
     before, after = (np.array(body(x, "bar")["position"]) for x in (first, last))
@@ -197,7 +197,7 @@ def test_a_released_object_stays_at_its_release_pose(
     np.testing.assert_allclose(after, body(worlds(data)[-1], "bar")["position"], atol=1e-10)
 
 
-def test_what_is_out_of_reach_is_not_held(scene: Scene, files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+def test_an_object_out_of_reach_is_not_held(scene: Scene, files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
     _, motion, data = files
     other = tmp_path / "other.yaml"
     for more in ([["bar", [*HAND, "panda_hand", "shelf"]]], [["bar", [*HAND, "panda_link7"]], ["bar", "shelf"]]):
@@ -209,8 +209,8 @@ def test_what_is_out_of_reach_is_not_held(scene: Scene, files: tuple[Path, Path,
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_how_far_pieces_are_apart(seed: int) -> None:
-    """As coal says, of every shape."""
+def test_the_checkers_distances_of_pieces_are_those_of_coal(seed: int) -> None:
+    """All pairs of shapes are compared."""
     rng = np.random.default_rng(seed)
 
     def rotated() -> np.ndarray:
@@ -237,7 +237,7 @@ def test_how_far_pieces_are_apart(seed: int) -> None:
         assert between(*pieces) == pytest.approx(exact, abs=2e-5)
 
 
-def test_what_no_job_has_is_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+def test_fields_that_no_job_has_are_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
     path, motion, data = files
     written = path.read_text(encoding="utf-8")
     start, wait = '"panda_finger_joint2": 0.02}', '"wait": 0.1'
@@ -258,7 +258,7 @@ def test_what_no_job_has_is_refused_by_name(files: tuple[Path, Path, bytes], tmp
             hdplan.load_scene(other)
 
 
-def test_what_no_job_knows_of_its_world_is_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+def test_sizes_that_no_job_knows_are_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
     """An object that is held would be known exactly, and what is let go stand where it was let go; what may be touched
     stands in no place of its own; and what walks does so by the time of one motion."""
     path, motion, data = files
@@ -276,8 +276,8 @@ def test_what_no_job_knows_of_its_world_is_refused_by_name(files: tuple[Path, Pa
             hdplan.load_scene(other)
 
 
-def test_what_stands_around_may_be_elsewhere_by_a_known_size(scene: Scene, tmp_path: Path) -> None:
-    """In every stage; a proof tells no smaller size, and is none of a scene with a larger one."""
+def test_obstacles_may_be_elsewhere_by_a_known_size(scene: Scene, tmp_path: Path) -> None:
+    """The size holds in every stage; a proof tells no smaller one, and is none of a scene with a larger one."""
     near, size = [0.55, 0.0, 0.95], hdplan.Uncertainty(0.02, 0.1)
     others = [each for each in scene.obstacles if each.name != "far"]
 

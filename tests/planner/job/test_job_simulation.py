@@ -27,7 +27,7 @@ def planned(scene: Scene) -> JobResult:
 
 
 def test_each_stage_is_no_closer_than_it_is_proven(scene: Scene, planned: JobResult) -> None:
-    """What may touch in a stage is not compared in it; the whole job succeeds."""
+    """Pairs that may touch in a stage are not compared in it; the whole job succeeds."""
     done = replay_job(scene, planned.trajectory)
     assert done.succeeded, done.text
     assert [stage.name for stage, _ in done.stages] == [stage.name for stage in planned.certificate.stages]

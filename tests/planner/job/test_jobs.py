@@ -115,7 +115,7 @@ def test_stages_join_without_a_jump(planned: JobResult) -> None:
 
 
 def test_lines_are_straight(planned: JobResult) -> None:
-    """Within the tolerance at every millisecond, by the kinematics of another load of the robot."""
+    """The tool is within the tolerance at every millisecond, by the kinematics of another load of the robot."""
     robot = hdplan.load_robot("panda")
     for stage in planned.certificate.stages:
         if stage.kind == "line":
@@ -152,7 +152,7 @@ def test_the_scene_of_a_stage_is_one_like_any_other(planned: JobResult, tmp_path
 
 
 def test_the_checker_accepts_the_proof_of_a_stage_that_touches(planned: JobResult, tmp_path: Path) -> None:
-    """By itself, of the one in which fingers close on the can; and not for another scene. Curves are no scene's."""
+    """The stage in which fingers close on the can has a proof of its own, and none for another scene."""
     (stage,) = [each for each in planned.certificate.stages if each.name == "grip"]
     scene, motion, proof = (tmp_path / f"grip.{ending}" for ending in ("yaml", "json", "proof"))
     stage.scene.save(scene)

@@ -33,7 +33,7 @@ def test_ways_are_followed_freely(fixed: bool) -> None:
     calls: list[np.ndarray] = []
 
     def free(rows: np.ndarray) -> np.ndarray:
-        """As if something stood where the elbow is turned to one side."""
+        """Nothing is free where the elbow is turned to one side."""
         calls.extend(rows)
         return np.asarray(rows[:, 2] < 0.4)
 

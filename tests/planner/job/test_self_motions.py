@@ -51,7 +51,7 @@ def test_no_configuration_is_far_from_all(joint: int, value: float) -> None:
     assert len(close) < 3 * len(plain)
 
 
-def test_what_has_no_order_or_no_configuration_stays_as_it_is() -> None:
+def test_several_held_joints_and_poses_out_of_reach_get_no_further_configurations() -> None:
     robot = hdplan.load_robot("panda")
     middle = 0.5 * (robot.lower + robot.upper)
     two = target_of(robot, middle, "z")  # holds two joints

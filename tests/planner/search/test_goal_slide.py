@@ -65,7 +65,7 @@ def test_the_derivative_at_the_goal_is_that_of_the_cost() -> None:
         assert found[joint] == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-4, abs=1e-4)
 
 
-def test_where_there_is_no_choice_nothing_slides() -> None:
+def test_a_goal_without_a_choice_does_not_slide() -> None:
     certifier = Certifier(Setup.of(load_scene("panda_cage")))
     assert sliding(certifier, JointTarget("goal", (0.0,) * 7), 0.0) is None
     cup = load_scene("panda_cup")

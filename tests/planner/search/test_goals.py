@@ -39,7 +39,7 @@ def aimed(scene: Scene, *targets: Any) -> Scene:
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", ["planar_arm", "ur5_table", "panda_cage", "kinova_shelf"])
 @pytest.mark.parametrize("free", ["none", "z", "all"])
-def test_what_is_found_reaches_the_pose_within_limits(name: str, free: str) -> None:
+def test_configurations_found_reach_the_pose_within_limits(name: str, free: str) -> None:
     scene = load_scene(name)
     robot = load_scene_robot(scene)
     link, start = robot.links[-1], robot.configuration(scene.start)
@@ -76,7 +76,7 @@ def test_plans_to_a_pose_know_every_branch_of_an_arm_in_closed_form() -> None:
         assert not len(every_branch(arm, target_at(link, place_of(arm, link, start), free), start)[0])
 
 
-def test_where_every_branch_is_in_contact_the_search_still_speaks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_search_finds_goals_if_every_branch_is_in_contact(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = load_scene("ur5_table")
     robot = load_scene_robot(scene)
     start = robot.configuration(scene.start)
@@ -106,8 +106,8 @@ def test_a_miss_is_what_the_target_was_moved_by() -> None:
                 assert miss == pytest.approx((np.linalg.norm(shift), expected), abs=1e-7)
 
 
-def test_what_reaches_a_target_misses_it_by_no_more_than_the_tolerances() -> None:
-    """In one go and one by one, with tolerances that some rows use up."""
+def test_rows_reach_a_target_if_they_miss_it_by_no_more_than_the_tolerances() -> None:
+    """All rows at once, and one by one, with tolerances that some rows use up."""
     robot = load_scene_robot(load_scene("ur5_table"))
     rng = np.random.default_rng(5)
     q = robot.draw(rng, 1)[0]

@@ -60,7 +60,7 @@ def test_a_way_of_held_trees_joins_the_ends_and_is_certified(kind: str, number: 
 
 @pytest.mark.parametrize(("kind", "number"), REQUESTS)
 def test_no_line_leaves_a_constraint_or_touches_anything(kind: str, number: int) -> None:
-    """Of whole trees, at dense samples, nodes within the limits; and the trees are trees."""
+    """Whole trees at dense samples, nodes within the limits; and the trees are trees."""
     problem = exact(kind, number)
     space = free_space(problem, 0.0)
     assert space is not None

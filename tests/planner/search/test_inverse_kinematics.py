@@ -88,7 +88,7 @@ def test_out_of_reach_nothing_is_found_and_the_miss_is_true(compiled: bool, monk
 
 @pytest.mark.parametrize(("name", "least"), [("panda", 6), ("ur5", 6), ("z1", 1)])
 def test_configurations_found_reach_the_pose_nearest_first(name: str, least: int) -> None:
-    """By Pinocchio's kinematics; whatever pose a random configuration has, one is found."""
+    """One is found for the pose of any random configuration, by Pinocchio's kinematics."""
     robot = load_robot(name)
     rng, counts = np.random.default_rng(3), []
     for q in robot.draw(rng, 12):
@@ -114,7 +114,7 @@ def test_configurations_found_reach_the_pose_nearest_first(name: str, least: int
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_seed_that_reaches_the_pose_is_the_first(name: str) -> None:
-    """To the bit; one beyond the limits is no answer."""
+    """It is the same to the bit; one beyond the limits is no answer."""
     robot = load_robot(name)
     for q in robot.draw(np.random.default_rng(8), 5):
         for every in (False, True):

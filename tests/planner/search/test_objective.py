@@ -166,7 +166,7 @@ def test_values_that_are_none_are_refused(changes: dict[str, object], words: str
         (load_scene("panda_gate"), "time", r"'time' .* timing\.duration fixes it; allowed here: smoothness, energy$"),
     ],
 )
-def test_what_needs_times_is_refused_without(scene: Scene, objective: str, words: str) -> None:
+def test_objectives_that_need_times_are_refused_without(scene: Scene, objective: str, words: str) -> None:
     with pytest.raises(InputError, match=rf"^the scene made from {scene.name}: planner\.objective: {words}"):
         plan(asking(scene, objective))
 

@@ -38,7 +38,7 @@ def smoothness(result: PlanResult) -> float:
     return cost
 
 
-def test_where_time_counts_only_the_improved_first_motion_is_certified() -> None:
+def test_only_the_improved_first_motion_is_certified_if_time_counts() -> None:
     events: list[Event] = []
     result = plan(polished(timed("panda_cage"), 1), report=events.append)
     first = plan(polished(timed("panda_cage"), 0))

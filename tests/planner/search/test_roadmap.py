@@ -80,7 +80,7 @@ def test_through_is_the_polyline_at_equal_steps(problem: Problem) -> None:
 def test_random_guesses_are_chosen_by_their_penalty(
     problem: Problem, penalties: Callable[[Problem, Array], Array]
 ) -> None:
-    """On the whole they touch less than lines through any random configuration."""
+    """They touch less on the whole than lines through any random configuration."""
     low, high = np.maximum(problem.robot.lower, -np.pi), np.minimum(problem.robot.upper, np.pi)
     drawn = np.random.default_rng(4).uniform(low, high, (COUNT, problem.robot.n))
     blind = [penalties(problem, problem.polyline([via])).mean() for via in drawn]
@@ -120,7 +120,7 @@ def test_guesses_for_joints_without_limits_are_the_same_whole_turns_away(tmp_pat
 
 
 def test_ways_back_lead_to_where_nothing_is_near() -> None:
-    """From beside an obstacle, in short steps within the limits; nowhere from where there is room."""
+    """A way leads from beside an obstacle in short steps within the limits; none where there is room."""
     problem = build(load_scene("panda_cage"))
     back, _ = escapes(problem)
     way = np.vstack([problem.start, back])

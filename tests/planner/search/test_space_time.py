@@ -168,7 +168,7 @@ def test_the_first_way_costs_the_same_backwards_in_time(gate: Scene, problem: Pr
 
 
 @pytest.mark.core
-def test_where_waiting_is_the_only_way_the_motion_waits(gate: Scene, problem: Problem) -> None:
+def test_the_motion_waits_if_that_is_the_only_way(gate: Scene, problem: Problem) -> None:
     line = Retimer(problem.setup)(Trajectory(problem.robot.joint_names, problem.polyline(), problem.robot.locked))
     assert not Certifier(problem.setup).certify(line.trajectory).certified
     result = plan(gate)
@@ -178,7 +178,7 @@ def test_where_waiting_is_the_only_way_the_motion_waits(gate: Scene, problem: Pr
     assert side[-1] > 0.0
 
 
-def test_where_hurrying_is_the_only_way_the_motion_hurries(gate: Scene) -> None:
+def test_the_motion_hurries_if_that_is_the_only_way(gate: Scene) -> None:
     scene = backwards(gate)
     result = plan(scene)
     assert result.certified, result.certificate.text
@@ -228,7 +228,7 @@ def test_few_waypoints_are_enough(gate: Scene) -> None:
 
 
 def test_an_obstacle_beside_the_base_leaves_the_roadmap_its_nodes() -> None:
-    """What stands under the robot is always inside its shoulder's margin; the roadmap grows all the same."""
+    """The floor under the robot is always inside its shoulder's margin; the roadmap grows all the same."""
     floor = Obstacle("floor", Box((3.0, 3.0, 0.1)), Pose((0.0, 0.0, -0.06)))
     ball = Obstacle("ball", Sphere(0.1), Pose((0.5, -1.0, 0.5)), motion=SteadyMotion((0.0, 0.5, 0.0)))
     scene = Scene(

@@ -47,7 +47,7 @@ def failing(status: Status) -> Any:
 
 @pytest.mark.parametrize("overlap", [True, False])
 def test_the_first_guesses_are_as_ever_then_trees_grow_in_turn(overlap: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With exact guesses alone where bodies overlap at an end; else with those as ever, and later with both."""
+    """Exact guesses alone if bodies overlap at an end; else those as ever, and later both."""
     monkeypatch.setattr(trying, "ends_overlap", lambda problem: overlap)
     found = np.full((32, 7), 7.0)
     monkeypatch.setattr(trying, "tree_ways", lambda *given: itertools.cycle([None, found]))

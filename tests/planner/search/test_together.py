@@ -108,7 +108,7 @@ def test_a_pose_without_a_link_is_the_end_effectors(setup: Setup) -> None:
 
 
 def test_nothing_between_two_ends_is_smoother_than_the_straight_line() -> None:
-    """So a goal whose straight line is less smooth than a certified motion cannot win."""
+    """A goal whose straight line is less smooth than a certified motion therefore cannot win."""
     rng = np.random.default_rng(4)
     for waypoints in (3, 8, 32):
         smoothness = Smoothness(waypoints, 0.01)

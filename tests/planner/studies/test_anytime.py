@@ -33,7 +33,7 @@ def test_it_stops_with_what_there_is() -> None:
 
 
 def test_acceleration_and_path_by_hand() -> None:
-    """From rest at a constant acceleration of 2 rad/s² for a second: ∫ 4 dt = 4, and 1 rad."""
+    """Constant acceleration of 2 rad/s² from rest for a second: ∫ 4 dt = 4, and 1 rad."""
     robot = load_robot("panda")
     times = np.linspace(0.0, 1.0, 5)
     one = np.eye(7)[0]

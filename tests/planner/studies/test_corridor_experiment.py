@@ -171,7 +171,7 @@ def test_fitted_bodies_are_commanded_as_smoothly_as_by_the_exact_distance(turn: 
     assert fast_energy(runs[0].velocities, 0.01) <= 2.0 * fast_energy(runs[1].velocities, 0.01)
 
 
-def test_what_is_proven_of_a_margin_holds_and_what_is_refused_was_published(smooth: Outcome) -> None:
+def test_the_clearance_proven_of_a_margin_holds_and_the_published_setting_is_refused(smooth: Outcome) -> None:
     proven = smooth.variant.clearance
     assert proven is not None
     assert smooth.run.slacks.min() >= 0.0
