@@ -205,8 +205,8 @@ def test_never_a_contact_from_random_starts(starts: int, robot: Robot) -> None:
 
 
 def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
-    """Outer bodies that overlap while the links do not: the exact distance of the hulls is kept, and no other pair's Δ falls
-    below its margin."""
+    """Outer bodies that overlap while the links do not: the exact distance of the hulls is kept, and no other pair's Δ
+    falls below its margin."""
     rng = np.random.default_rng(10)
     settings = ControlSettings(period=0.01, speed=0.3)
     controller = Controller.of(scene_of(), settings, robot)

@@ -271,7 +271,7 @@ def test_the_middle_of_a_blend_excuses_no_clearance(scene: Scene, files: Files, 
 
 
 def tool_places(motion: Trajectory, first: int, last: int, each: int = 60) -> tuple[Any, Any]:
-    """Instants of rows and places of the tool in between."""
+    """Times of rows and between them, and where the tool is then."""
     assert motion.times is not None
     times = np.interp(np.linspace(first, last, (last - first) * each + 1), np.arange(len(motion)), motion.times)
     return times, places_at(hdplan.load_robot("panda"), TOOL, motion, times)[0]
