@@ -49,7 +49,7 @@ def made_up_cuts() -> Iterator[Cut]:
 
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> Study:
-    """What `study` returns, without measuring, and `study_unions`."""
+    """The results of `study` and `study_unions`, without measuring."""
     found = Study(FULL_PLAN, tuple(made_up(FULL_PLAN)), complete=True)
     monkeypatch.setattr(measuring, "study", lambda plan, **_: found)
     monkeypatch.setattr(cutting, "study_unions", lambda **_: list(made_up_cuts()))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.motion.trajectory import Trajectory
+from hdplan import Box, InputError, Obstacle, Scene, Trajectory, load_scene
 from hdplan.planner.studies import planning_runs
 from hdplan.planner.studies.planning import FILES, by_guesses, label, study_planning, summaries
 from hdplan.planner.studies.planning_runs import (
@@ -26,12 +26,7 @@ from hdplan.planner.studies.planning_runs import (
     squared_acceleration,
     variants,
 )
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 pytest.importorskip("matplotlib")
 
