@@ -87,30 +87,24 @@ class Stated(Protocol):
     @property
     def field(self) -> str:
         """Name of the scene's field."""
-        ...
 
     @property
     def link(self) -> str:
         """The link of the constraint."""
-        ...
 
     @property
     def allowed(self) -> float:
         """Greatest value allowed [rad], [m], [m/s] or [m/s²]."""
-        ...
 
     @property
     def scale(self) -> float:
         """The scale of its values, in their unit, of which a share is accepted as slack."""
-        ...
 
     def broken(self, found: float) -> str:
         """Return a message on a value where it is violated."""
-        ...
 
     def kept(self, worst: float) -> str:
         """Return a message on the upper bound proven over the whole motion."""
-        ...
 
 
 class Valued(Protocol):
@@ -118,11 +112,9 @@ class Valued(Protocol):
 
     def found(self, rotations: Array, origins: Array) -> Array:
         """Return its value (k,) at k configurations, exact up to rounding."""
-        ...
 
     def bound(self, part: Part, found: Array) -> Array:
         """Return an upper bound (k,) of its value on parts of the motion; at their midpoints it is `found` (k,)."""
-        ...
 
 
 class Held(Stated, Valued, Protocol):
@@ -135,11 +127,9 @@ class HeldAlong(Stated, Protocol):
     @property
     def spans(self) -> tuple[Index, Array, Array]:
         """Parts of the motion to begin with, which cover it in order: interval, start and width (k,)."""
-        ...
 
     def on(self, interval: Index, start: Array, width: Array) -> Valued:
         """Return its form on parts of the motion."""
-        ...
 
 
 def between_rows(intervals: int) -> tuple[Index, Array, Array]:

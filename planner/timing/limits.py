@@ -24,12 +24,10 @@ class TimingLimit(Protocol):
 
     def rows(self, path: OnGrid) -> PathRows | None:
         """Rows of the limit on a path at the points of `grid`; None if the fastest law does not know this limit."""
-        ...
 
     def stretch(self, curve: Curve) -> float:
         """Return by how much an executed curve must be stretched for the limit to hold along it; at most 1 if it
         holds."""
-        ...
 
 
 class RateLimit:

@@ -33,7 +33,6 @@ class TimeLaw(Protocol):
     def rows(self, count: int) -> Array:
         """Return u and its first two derivatives by the share of the duration (3, count) at even times, first and last
         included."""
-        ...
 
 
 @dataclass(frozen=True)
