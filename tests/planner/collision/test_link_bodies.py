@@ -351,6 +351,29 @@ def test_containment_is_refused_where_a_corner_or_a_middle_sticks_out() -> None:
     )
 
 
+def test_a_kept_result_of_another_kind_is_computed_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where its checksum is right."""
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
+    links = link_text("base", box="0.3 0.3 0.3"), link_text("upper", at="0.2 0 0", box="0.4 0.1 0.1")
+    joints = joint_text("first", "base", "upper", at="0.5 0 0"), joint_text("second", "upper", "fore", at="0.5 0 0")
+    arm = write_robot(tmp_path / "arm.urdf", *links, link_text("fore", at="0.2 0 0", sphere=0.1), *joints)
+    robot, make = load_robot(RobotSpec(urdf=arm)), collision_model.collision_model_of.__wrapped__  # type: ignore[attr-defined]
+    first = make(robot, "fitted", "box")
+    kept = {file: file.read_text() for file in (tmp_path / "cache").glob("*/*.json")}
+    kinds = {file.parent.name: file for file in kept}
+    assert {"overlaps", "separation", "link_bodies", "link_parts", "convex_bodies"} <= kinds.keys()
+    for own, other in itertools.permutations(kinds.values(), 2):
+        content = kept[other].partition("\n")[2]
+        if content == "[]":  # parts, too, may be none
+            continue
+        own.write_text(f"{cache.content_key(own.parent.name, own.stem, content)}\n{content}")
+        again = make(robot, "fitted", "box")
+        assert (again.self_pairs, again.distances_kept) == (first.self_pairs, first.distances_kept)
+        for one, two in zip((*again.bodies, *again.parts), (*first.bodies, *first.parts), strict=True):
+            np.testing.assert_array_equal(one.body.vertices, two.body.vertices)
+        assert own.read_text() == kept[own]
+
+
 def test_a_cache_that_is_damaged_or_cannot_be_written_is_no_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -361,12 +384,14 @@ def test_a_cache_that_is_damaged_or_cannot_be_written_is_no_cache(
     cache.store("kind", key, [0.1, {"x": None}])
     assert cache.load("kind", key, lambda value: value) == [0.1, {"x": None}]
     (file,) = (tmp_path / "cache" / "kind").iterdir()
+    file.with_name("other.json").write_text(file.read_text())
+    assert cache.load("kind", "other", lambda value: value) is None
     file.write_text(file.read_text().replace("0.1", "0.2"))
     assert cache.load("kind", key, lambda value: value) is None
     file.write_bytes(b"\xff\xfe")
     assert cache.load("kind", key, lambda value: value) is None
     for planted in ("[null]", "[NaN]", "1" + 400 * "0", 10**5 * "["):  # under a checksum of its own
-        file.write_text(f"{cache.content_key(planted)}\n{planted}")
+        file.write_text(f"{cache.content_key('kind', key, planted)}\n{planted}")
         assert cache.load("kind", key, cache.finite) is None
     monkeypatch.setenv("HDPLAN_CACHE", str(file))  # a file where a folder should be
     with pytest.warns(UserWarning, match=f"the cache {file} cannot be written"):
