@@ -183,7 +183,7 @@ def test_files_that_are_not_regular_are_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.stl")
     (tmp_path / "folder.stl").mkdir()
     for name in ("pipe.stl", "folder.stl"):
-        with pytest.raises(InputError, match="is a (pipe|directory), not a file"):
+        with pytest.raises(InputError, match=r"is a (pipe|directory), not a file"):
             mesh_files.read_mesh_file(tmp_path / name)
 
 
