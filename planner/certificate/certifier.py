@@ -59,8 +59,7 @@ from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import Number, boolean, checked, instance
 
 if TYPE_CHECKING:
-    from hdplan.planner.certificate.path_check import Departure, PathCheck
-
+    from hdplan.planner.certificate.path_check import Departure
 
 ENDS_KEEP = 0.75  # share of the clearance at start or goal that is required where it is below planner.clearance
 
@@ -139,8 +138,11 @@ class Certifier:
         """Set the fields that depend on the scene's ends."""
         self.setup, self.scene = setup, setup.scene
         self.ends = EndCheck(setup.scene, setup.robot, setup.rates)
-        chain = self.sweep.bodies.chain
-        self.path = None if setup.scene.path == PathConstraints() else _path_check(setup, chain)
+        self.path = None
+        if setup.scene.path != PathConstraints():
+            from hdplan.planner.certificate.path_check import PathCheck
+
+            self.path = PathCheck(setup, self.sweep.bodies.chain)
         self.limits = tuple(limit_checks(setup))
         self._required = required_of(setup.scene, setup.robot)
 
@@ -403,9 +405,3 @@ class Certifier:
 @made_once(8)
 def _chain(robot: Robot) -> Chain:
     return Chain.of(robot.model)
-
-
-def _path_check(setup: Setup, chain: Chain) -> PathCheck:
-    from hdplan.planner.certificate.path_check import PathCheck
-
-    return PathCheck(setup, chain)

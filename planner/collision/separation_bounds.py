@@ -177,8 +177,6 @@ def content_of(robot: Robot, bodies: Sequence[LinkBody], pairs: Sequence[tuple[i
         parts += [robot.linkage.matrix.tobytes(), robot.linkage.offset.tobytes()]
     for index in sorted({index for pair in pairs for index in pair}):
         body = bodies[index]
-        vertices = (
-            np.round(body.body.vertices, 9) + 0.0
-        )  # machines differ in the last digits: far less than BOUND_ROUNDING
+        vertices = np.round(body.body.vertices, 9) + 0.0  # machines differ in later digits: less than BOUND_ROUNDING
         parts += [str(index), str(body.joint), vertices.tobytes(), np.float64(body.body.radius).tobytes()]
     return [*parts, np.array(pairs).tobytes()]

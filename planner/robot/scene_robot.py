@@ -18,6 +18,7 @@ from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.self_pairs import LIMIT_EXCESS, NEVER_TOUCHING
 from hdplan.planner.robot.tracking import tracking
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import stamps_of
@@ -116,8 +117,7 @@ def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...])
                 f"found [{low:g}, {high:g}]"
             )
         lower[i], upper[i] = low, high
-    inner = np.stack([np.maximum(robot.inner[0], lower), np.minimum(robot.inner[1], upper)])
-    return replace(robot, lower=lower, upper=upper, inner=inner)
+    return _between(robot, lower, upper)
 
 
 @made_once(KEPT_ROBOTS)
@@ -130,9 +130,13 @@ def _with_lag(robot: Robot, off: tuple[float, ...]) -> Robot:
             f"robot.tracking.position: {off[i]:g} of joint '{robot.joint_names[i]}' leaves nothing of its range "
             f"[{robot.lower[i]:g}, {robot.upper[i]:g}]"
         )
-    note = "joint limits are kept with room for robot.tracking.position"
+    return _between(robot, lower, upper, "joint limits are kept with room for robot.tracking.position")
+
+
+def _between(robot: Robot, lower: Array, upper: Array, *notes: str) -> Robot:
+    """Return the robot with limits (n,) within its own."""
     inner = np.stack([np.maximum(robot.inner[0], lower), np.minimum(robot.inner[1], upper)])
-    return replace(robot, lower=lower, upper=upper, inner=inner, notes=(*robot.notes, note))
+    return replace(robot, lower=lower, upper=upper, inner=inner, notes=(*robot.notes, *notes))
 
 
 @made_once(KEPT_ROBOTS)
