@@ -53,11 +53,7 @@ class Bodies:
     """All bodies of a scene and its robot, as arrays over g bodies."""
 
     def __init__(
-        self,
-        chain: Chain,
-        bodies: Sequence[Body],
-        to_pinocchio: Callable[[Array], Array],
-        sizes: Sizes | None = None,
+        self, chain: Chain, bodies: Sequence[Body], to_pinocchio: Callable[[Array], Array], sizes: Sizes | None = None
     ) -> None:
         """Collect placements and bounds; `to_pinocchio` maps joint values (k, n) to configurations (k, nq). `sizes` are
         those of what is unknown, if anything is."""

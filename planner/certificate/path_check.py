@@ -130,11 +130,7 @@ class PathCheck:
                 yield tool_rates.ToolRate.of(self.robot, self.chain, self.follow, motion, order, followed.rated)
 
     def _prove(
-        self,
-        held: Stated,
-        spans: tuple[Index, Array, Array],
-        on: Callable[[Index, Array, Array], Valued],
-        curve: Curve,
+        self, held: Stated, spans: tuple[Index, Array, Array], on: Callable[[Index, Array, Array], Valued], curve: Curve
     ) -> tuple[Kept, list[Departure], int]:
         """Prove one constraint, beginning with these parts of the motion; `on` is its form on parts."""
         intervals, configurations = len(curve) - 1, 0

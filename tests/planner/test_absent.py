@@ -37,11 +37,7 @@ EFFECTS = {
     "torques and loads": (
         [
             *("planner.kinematics.inverse_dynamics", "planner.robot.loads", "planner.problem.gravity_torque"),
-            *(
-                "planner.certificate.torque_check",
-                "planner.certificate.torque_bounds",
-                "planner.timing.torque_limit",
-            ),
+            *("planner.certificate.torque_check", "planner.certificate.torque_bounds", "planner.timing.torque_limit"),
         ],
         "ur5_payload",
     ),
