@@ -45,7 +45,7 @@ from hdplan.planner.robot.content import Parts, tree_content
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask, Rows
 
-VERSION = "3"  # to be changed with anything that changes a bound, so that old cache entries are not used
+VERSION = "4"  # to be changed with anything that changes a bound, so that old cache entries are not used
 MOST_BOXES, BUDGET = 4000, 300_000  # boxes evaluated for a pair, and for all pairs of a robot
 BATCH = 64  # of them halved at once
 TIGHT_SHARE = 0.9  # share of the least distance found at which a bound is good enough
