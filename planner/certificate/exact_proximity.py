@@ -300,13 +300,13 @@ def hull_piece(points: Array, surface: Surface | None = None) -> Piece:
     shape = convex_hull(solid)
     if shape is None:
         hull = TriangleMesh.hull(solid)
-        surface, shape = surface or Surface(hull, Solid(hull)), convex_hull(_outermost(solid))
+        surface, shape = surface or Surface(hull, Solid(hull)), convex_hull(outermost(solid))
         return Piece(points, shape, surface=surface)
     corners = np.array(shape.points()) if solid is points else points
     return Piece(corners, shape, surface=surface)
 
 
-def _outermost(points: Array) -> Array:
+def outermost(points: Array) -> Array:
     """Return the points that lie farthest in HULL_VERTICES directions."""
     directions = np.random.default_rng(0).normal(size=(HULL_VERTICES, 3))
     return np.asarray(points[np.unique((directions @ points.T).argmax(axis=1))])
