@@ -123,8 +123,8 @@ def sizes(problem: Problem) -> dict[str, tuple[int, ...]]:
     found: dict[str, tuple[int, ...]] = {"kinematics": counts(problem.kinematics.state)}
     for term in problem.terms:
         found[term.name] = (len(term.pairs),) if hasattr(term, "pairs") else ()
-        for kernel in getattr(getattr(term, "distance", None), "kernels", {}).values():
-            found[term.name] += counts(kernel.function)
+        for function in term.functions.values():
+            found[term.name] += counts(function)
     return found
 
 
