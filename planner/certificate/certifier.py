@@ -3,8 +3,8 @@
 It shares nothing with the planner that made the trajectory: it uses Pinocchio's own kinematics, the robot's real
 collision geometry, the scene's own shapes (`exact_proximity`), and bounds on the executed curve between samples
 (`curve`, `motion_bounds`, `collision_proof`). Where the scene has them, it covers moving obstacles, joint limits
-(`limit_checks`) and path constraints (`path_check`); at the end, what was checked is compared with what the scene asks
-(`coverage`).
+(`limit_checks`) and path constraints (`path_check`); at the end, what was checked is compared with what the scene
+requires (`coverage`).
 Distances are proven *lower bounds* in metres, positive = separated. Two bodies that do not move relative to each other
 (a robot's base and the floor on which it stands) are not compared.
 """

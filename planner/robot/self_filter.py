@@ -47,7 +47,7 @@ class Around(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Ignoring:
-    """A scene without the points that its clouds ask to ignore."""
+    """A scene without the points that its clouds ignore."""
 
     scene: Scene
     notes: tuple[str, ...] = ()  # that count what was left out, also in reading
@@ -55,7 +55,7 @@ class Ignoring:
 
 
 def self_filtered(requested: Scene, scene: Scene, robot: Robot) -> Ignoring:
-    """Leave the points out that the clouds of a scene, as its file has it and with its files read, ask to ignore.
+    """Leave the points out that the clouds of a scene, as its file has it and with its files read, ignore.
     Raises InputError for a cloud of which nothing is left, and for unknown links."""
     obstacles, notes, points = [], [], []
     for written, obstacle in zip(requested.obstacles, scene.obstacles, strict=True):

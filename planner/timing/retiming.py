@@ -381,8 +381,8 @@ def _rows(spline: PathSpline, law: TimeLaw, duration: float, count: int) -> tupl
     u[0], u[-1] = 0.0, 1.0  # to the last bit: the motion ends where its path does, at rest
     first[[0, -1]] = second[[0, -1]] = 0.0
     first, second = first[:, None] / duration, second[:, None] / duration**2
-    slope, bend = spline(u, 1), spline(u, 2)
-    return u, (spline(u), slope * first, bend * first**2 + slope * second)
+    slope, curvature = spline(u, 1), spline(u, 2)
+    return u, (spline(u), slope * first, curvature * first**2 + slope * second)
 
 
 def _divided(parameter: Array, rows: Rows, duration: float, parts: int) -> tuple[Array, Rows]:

@@ -63,7 +63,7 @@ class OnGrid(NamedTuple):
 
     q: Array
     slope: Array  # q'
-    bend: Array  # q''
+    curvature: Array  # q''
 
     @classmethod
     def of(cls, spline: PathSpline) -> OnGrid:

@@ -160,7 +160,7 @@ def assert_probes_kept(bodies: Sequence[LinkBody], plane: HalfspaceBody, margin:
 @pytest.mark.parametrize("normals", ["faces", "box", "sphere"])
 @pytest.mark.parametrize(("radius", "margin"), [(1e-4, 0.0), (1e-4, 0.02), (0.01, 0.0), (0.3, 0.02)])
 def test_nothing_dropped_near_corners_and_edges(radius: float, margin: float, normals: str) -> None:
-    """At small balls around a box, where D changes its sign."""
+    """Small balls around a box, where D changes its sign."""
     plane = from_shape("box", Box(tuple((2 * HALF).tolist())), STANDING, normals)
     bodies = probes(radius, margin)
     inside = assert_probes_kept(bodies, plane, margin)
@@ -185,7 +185,7 @@ def test_nothing_dropped_around_any_shape(seed: int, normals: str) -> None:
 
 
 @pytest.mark.skipif(not library(), reason="built without a C compiler")
-def test_what_the_compiled_loops_leave_is_inside_its_margin(panda: Robot) -> None:
+def test_pairs_that_the_compiled_loops_leave_are_inside_their_margin(panda: Robot) -> None:
     """Planes decide as the distance's sign does: but for rounding, nothing is evaluated that does not count."""
     bodies = link_bodies(panda)
     planes = [*clutter(30, 17), *(from_link_body(body.link, body.joint, body.body) for body in bodies)]

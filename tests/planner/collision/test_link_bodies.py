@@ -138,7 +138,7 @@ def test_the_links_of_well_known_arms_come_fitted(name: str, monkeypatch: pytest
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_results_for_an_arm_are_shipped(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And it is what is found now: run benchmarks/shipped_bodies.py after a change of it."""
+    """The shipped result is the one found now: run benchmarks/shipped_bodies.py after a change of it."""
     arm, computed = load_robot(RobotSpec(name=name)), list[object]()
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "empty"))
     for room in (collision_model, separation_bounds):
@@ -154,7 +154,7 @@ def test_results_for_an_arm_are_shipped(name: str, tmp_path: Path, monkeypatch: 
 
 
 def test_a_new_fit_is_as_tight_as_the_shipped_one(panda: Robot) -> None:
-    """On average over the links, and each link's geometry is contained."""
+    """The average over the links counts, and each link's geometry is contained."""
     tightness = []
     for link in panda.links:
         triangles = link_triangles(panda, link)
@@ -329,7 +329,7 @@ def test_a_capsule_is_found_again() -> None:
     assert np.linalg.norm(body.vertices[0] - body.vertices[1]) == pytest.approx(0.2, abs=5e-3)
 
 
-def test_how_far_a_sphere_stands_out_of_a_cube() -> None:
+def test_the_measure_of_a_sphere_that_stands_out_of_a_cube() -> None:
     sphere = Swept(np.zeros((1, 3)), np.sqrt(3.0))
     mean, p95 = outside((sphere,), CUBE, samples=20000)
     random = np.random.default_rng(1)
@@ -352,7 +352,7 @@ def test_containment_is_refused_where_a_corner_or_a_middle_sticks_out() -> None:
 
 
 def test_a_kept_result_of_another_kind_is_computed_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where its checksum is right."""
+    """A right checksum makes no difference."""
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
     links = link_text("base", box="0.3 0.3 0.3"), link_text("upper", at="0.2 0 0", box="0.4 0.1 0.1")
     joints = joint_text("first", "base", "upper", at="0.5 0 0"), joint_text("second", "upper", "fore", at="0.5 0 0")

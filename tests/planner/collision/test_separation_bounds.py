@@ -252,7 +252,7 @@ def test_bounds_are_kept_on_disk_by_content(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_arms_that_turn_about_other_axes_have_other_entries(tmp_path: Path) -> None:
-    """Also where the axis is none of x, y, z, which Pinocchio does not write into a joint's name."""
+    """An axis may be none of x, y, z, which Pinocchio does not write into a joint's name."""
     arms = []
     for number, axis in enumerate(("0 0.6 0.8", "0 0.8 0.6")):
         sides = (arm(side, y, -1, 1, axis) for side, y in (("l", 1), ("r", -1)))
