@@ -14,7 +14,8 @@ import numpy as np
 
 from hdplan.planner.certificate import tool_rates
 from hdplan.planner.certificate.followed_curve import NODES, Followed, NearEnd, OnCurve, TurnedAlong
-from hdplan.planner.certificate.path_bounds import HeldAlong, Part, Stated, Valued, between_rows, held_by
+from hdplan.planner.certificate.path_bounds import held_by
+from hdplan.planner.certificate.path_parts import HeldAlong, Part, Stated, Valued, between_rows
 from hdplan.planner.certificate.pose_curve import PoseCurve
 from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Chain
