@@ -92,16 +92,12 @@ def _differences(robot: Robot, own: Robot) -> Iterator[str]:
             yield f"its joint '{joint}' may go beyond the limits of the scene's"
     if robot.attached != own.attached:
         yield "it does not hold what the scene attaches"
-    if robot.model != own.model or robot.collision != own.collision or not _alike_links(robot, own):
+    links = (robot.link_joint, robot.link_geometry) == (own.link_joint, own.link_geometry)
+    if robot.model != own.model or robot.collision != own.collision or not links:
         yield "its joints, links or geometry are not those of the scene's"
     for pair in own.self_pairs:
         if pair not in robot.self_pairs:
             yield f"its links {pair[0]} and {pair[1]} are not checked against each other, the scene's are"
-
-
-def _alike_links(robot: Robot, own: Robot) -> bool:
-    """True if the same joints carry the same geometry."""
-    return robot.link_joint == own.link_joint and robot.link_geometry == own.link_geometry
 
 
 @made_once(KEPT_ROBOTS)

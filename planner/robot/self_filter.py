@@ -102,14 +102,10 @@ def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple
         raise InputError(f"{where}.cloud: all of its {len(near)} points would be ignored")
     if not near.any() and not stay:
         return obstacle, "", np.empty((0, 3))
-    kept = replace(cloud, points=FixedArray(balls.array[~near, :3]), radius=_radius(cloud, balls.array[~near, 3]))
+    radius = FixedArray(balls.array[~near, 3]) if isinstance(cloud.radius, FixedArray) else cloud.radius
+    kept = replace(cloud, points=FixedArray(balls.array[~near, :3]), radius=radius)
     note = f"cloud '{obstacle.name}': of {len(near)} points left out: {', '.join(words)}{''.join(stay)}"
     return replace(obstacle, shape=kept), note, world[near]
-
-
-def _radius(cloud: Cloud, left: Array) -> float | FixedArray:
-    """Return the radii (m,) that are left, as the cloud has them."""
-    return FixedArray(left) if isinstance(cloud.radius, FixedArray) else cloud.radius
 
 
 def _ignored(cloud: Cloud, scene: Scene, robot: Robot, field: str) -> Iterator[Around]:
