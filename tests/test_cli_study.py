@@ -20,8 +20,9 @@ from hdplan.distance.studies import accuracy as study, conservativeness, query_t
 from hdplan.planner.commands import studies
 from hdplan.planner.studies import paper_figures, planning_runs
 from tests.commands import Command, in_process
+from tests.extras import needs
 
-pytest.importorskip("matplotlib")
+pytestmark = needs("matplotlib")
 
 COMMAND = [sys.executable, "-m", "hdplan.cli"]
 LIGHT = (("tetrahedron", "tetrahedron"), ("cube", "cube"))

@@ -25,7 +25,6 @@ from hdplan.planner.certificate import coverage, exact_proximity, path_bounds, s
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.collision import halfspace_bodies
 from hdplan.planner.geometry import seen, shape_table, voxel_grids
-from hdplan.planner.pictures import scene as picture
 from hdplan.planner.problem import path_terms
 from hdplan.planner.proof import world_values
 from hdplan.planner.robot import self_filter
@@ -33,6 +32,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import may_end
 from hdplan.planner.terminal import explain, explain_effects
 from hdplan.scenes.clouds import Ignored
+from hdplan.scenes.lazy_imports import LazyModule
 from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, Seen, SteadyMotion, TimedPoses, obstacles_of
@@ -46,6 +46,7 @@ from hdplan.scenes.yaml_format import writer
 from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.scenes.yaml_format.seen import seen_entry
 
+picture: Any = LazyModule("hdplan.planner.pictures.scene")  # imports Matplotlib
 ROOT = Path(__file__).resolve().parent.parent
 FILES = sorted(path for folder in ("planner", "scenes") for path in (ROOT / folder).rglob("*.py"))
 
@@ -304,8 +305,9 @@ def test_places_fail_for_what_they_do_not_know(
     place: tuple[str, str, str], call: Fails, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also for a kind of sensor that the union has already."""
-    for module in (explain, picture, self_filter, world_values, writer):
-        monkeypatch.setattr(module, "Seen", Seen | Lidar)
+    modules = ("planner.terminal.explain", "planner.pictures.scene", "planner.robot.self_filter")
+    for module in (*modules, "planner.proof.world_values", "scenes.yaml_format.writer"):
+        monkeypatch.setattr(f"hdplan.{module}.Seen", Seen | Lidar)
     named = r"Torus|Rounded|Lidar|Swinging|Level|must be an Obstacle|obstacles.o: is a map|'o' has no shape"
     with pytest.raises(Exception, match=named):
         call()

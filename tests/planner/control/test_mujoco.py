@@ -22,9 +22,10 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.loads import carrying
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
+from tests.extras import mujoco, needs
 from tests.planner.replanning.driving import AtOnce
 
-mujoco = pytest.importorskip("mujoco")
+pytestmark = needs("mujoco")
 
 Floats = NDArray[np.float64]
 LIMITS = hdplan.Limits(velocity="urdf", acceleration=7.5, jerk=500)

@@ -16,7 +16,6 @@ from hdplan.planner.certificate.certifier import Certifier, certify, check_confi
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
 from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.geometry.opened import with_content
-from hdplan.planner.pictures.scene import Picture
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -195,6 +194,8 @@ def test_a_changed_mesh_is_read_again(carry: Scene, tmp_path: Path) -> None:
 
 
 def test_it_is_explained_and_drawn(carry: Scene) -> None:
+    from hdplan.planner.pictures.scene import Picture
+
     problem = build(carry)
     ((name, text),) = explain(problem)["held objects"]
     assert name == "bottle"

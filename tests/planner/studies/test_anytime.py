@@ -12,8 +12,9 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.studies.anytime import AnytimeCurve, Moment, _measures, anytime_curves, anytime_rows, shares
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.extras import needs
 
-pytest.importorskip("matplotlib")
+pytestmark = needs("matplotlib")
 
 
 def test_motions_get_better_and_are_counted_once() -> None:

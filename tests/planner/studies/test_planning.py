@@ -32,8 +32,9 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.extras import needs
 
-pytest.importorskip("matplotlib")
+pytestmark = needs("matplotlib")
 
 FEW = {"link_bodies": ("capsule", "fitted", "hull"), "normals": ("box", "sphere"), "solver": ("gauss_newton", "chomp")}
 ROUNDING = 2e-6  # [m] by which bodies of no radius of their own are enlarged
