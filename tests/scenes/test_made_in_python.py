@@ -39,7 +39,6 @@ WORDS: tuple[Any, ...] = ("x" * 100, "hdsd", 1, NAN, True, ["a"])
 NAMES: tuple[Any, ...] = ("", "  ", "a\nb", "\ud800", 1, NAN, True, ["a"], {"a": 1})
 BOX = {"type": "box", "size": [0.1, 0.1, 0.1]}
 BOX_MADE = Box((0.1, 0.1, 0.1))
-TIMED = {"timing": {"duration": 3.0}}
 POSE = {"link": "hand", "position": [0, 0, 0], "rpy": [0, 0, 0]}
 QUATERNIONS = ([0, 0.5, 0, 0.5], [0, 0, 0, 0], [0, 0, 0, 1.02], [0, 0, 1], [0, 0, 0, NAN], "abcd", 1.0)
 
@@ -52,189 +51,78 @@ def below(kind: type) -> set[str]:
 CHECKED = below(Checked)
 
 
-def field_of(section: str, key: str, others: dict[str, Any] | None = None, **more: Any) -> Callable[[Any], Any]:
-    """Give the function that writes a value as the key of a section."""
-    return lambda value: {section: {**(others or {}), key: value}, **more}
+def scene_with(path: str, value: Any, beside: dict[str, Any]) -> dict[str, Any]:
+    """A scene file's content with a value at a path, and other keys beside it."""
+    for step in reversed(path.split(".")):
+        name = step.removesuffix("[0]")
+        value, beside = {**beside, name: value if name == step else [value]}, {}
+    ends = {"start": {"state": "a"}, "goal": {"state": "a"}}
+    content = {"hdplan": 1, "robot": {}, **ends, "limits": {"torque": "urdf"}, "timing": {"duration": 3.0}, **value}
+    content["robot"] = {"name": "panda", **content["robot"]}
+    for section, needed in (("obstacles", {}), ("attached", {"link": "hand"})):
+        content[section] = [{"shape": BOX, **needed, **each} for each in content.get(section, ())]
+    return content
 
 
-def obstacle(**keys: Any) -> dict[str, Any]:
-    return {"obstacles": [{"name": "a", "shape": BOX, **keys}], **TIMED}
-
-
-def shape(kind: str, key: str, **others: Any) -> Callable[[Any], Any]:
-    return lambda value: obstacle(shape={"type": kind, **others, key: value})
-
-
-# what is written, the path of the field in the file, the same made in Python, hostile values
-CASES: dict[str, tuple[Callable[[Any], Any], str, Callable[[Any], Any], tuple[Any, ...]]] = {
-    "box": (shape("box", "size"), "obstacles[0].shape.size", Box, SIZES),
-    "sphere": (shape("sphere", "radius"), "obstacles[0].shape.radius", Sphere, LENGTHS),
-    "cylinder": (shape("cylinder", "radius", length=1), "obstacles[0].shape.radius", lambda v: Cylinder(v, 1), LENGTHS),
-    "cylinder's length": (
-        shape("cylinder", "length", radius=1),
-        "obstacles[0].shape.length",
-        lambda v: Cylinder(1, v),
-        LENGTHS,
-    ),
-    "capsule": (
-        shape("capsule", "length", radius=1),
-        "obstacles[0].shape.length",
-        lambda v: Capsule(1, v),
-        (*NUMBERS, -1),
-    ),
-    "points": (
-        shape("points", "points"),
-        "obstacles[0].shape.points",
-        Points,
-        ([], [[0, 0, 0]] * 5, [[0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]], [[NAN, 0, 0]], [[1, 2]], 1, "abc"),
-    ),
-    "position": (
-        lambda v: obstacle(pose={"position": v}),
-        "obstacles[0].pose.position",
-        lambda v: Pose(v),
-        VECTORS,
-    ),
-    "quaternion": (
-        lambda v: obstacle(pose={"quaternion_xyzw": v}),
-        "obstacles[0].pose.quaternion_xyzw",
-        lambda v: Pose(quaternion_xyzw=v),
-        QUATERNIONS,
-    ),
-    "name": (lambda v: obstacle(name=v), "obstacles[0].name", lambda v: Obstacle(v, BOX_MADE), NAMES),
-    "clearance": (
-        lambda v: obstacle(clearance=v),
-        "obstacles[0].clearance",
-        lambda v: Obstacle("a", BOX_MADE, clearance=v),
-        (*NUMBERS, -0.1, 1.1),
-    ),
-    "velocity": (
-        lambda v: obstacle(motion={"velocity": v}),
-        "obstacles[0].motion.velocity",
-        lambda v: SteadyMotion(velocity=v),
-        VECTORS,
-    ),
-    "times": (
-        lambda v: obstacle(motion={"times": v, "poses": [{}, {}]}),
-        "obstacles[0].motion.times",
-        lambda v: TimedPoses(v, (Pose(), Pose())),
-        ([1, 1], [2, 1], [1], [], [-1, 1], [0, NAN], [0, INF], "ab", 1),
-    ),
-    "held mass": (
-        lambda v: {"attached": [{"link": "hand", "shape": BOX, "mass": v}]},
-        "attached[0].mass",
-        lambda v: Attached("a", "hand", BOX_MADE, mass=v),
-        LENGTHS,
-    ),
-    "holding link": (
-        lambda v: {"attached": [{"link": v, "shape": BOX}]},
-        "attached[0].link",
-        lambda v: Attached("a", v, BOX_MADE),
-        NAMES,
-    ),
-    "start": (field_of("start", "state"), "start.state", lambda v: JointTarget("start", state=v), NAMES),
-    "configuration": (
-        field_of("start", "joints"),
-        "start.joints",
-        lambda v: JointTarget("start", positions=v),
-        ([NAN, 0], [0, INF], [1e7], ["a"], [True]),
-    ),
-    "tolerance": (
-        lambda v: {"goal": {"pose": {**POSE, "position_tolerance": v}}},
-        "goal.pose.position_tolerance",
-        lambda v: PoseTarget("hand", Pose(), position_tolerance=v),
-        (*LENGTHS, 1.5),
-    ),
-    "free rotation": (
-        lambda v: {"goal": {"pose": {**POSE, "free_rotation": v}}},
-        "goal.pose.free_rotation",
-        lambda v: PoseTarget("hand", Pose(), free_rotation=v),
-        WORDS,
-    ),
-    "self-collision": (
-        field_of("self_collision", "clearance"),
-        "self_collision.clearance",
-        lambda v: SelfCollision(clearance=v),
-        (*NUMBERS, -0.1, 1.1),
-    ),
-    "jerk": (
-        field_of("limits", "jerk"),
-        "limits.jerk",
-        lambda v: Limits(jerk=v),
-        (NAN, INF, 0, -1, 1e-300, "urdf", "a", "", True, [], {}, [1, NAN], [1, "a"], {"j": 0}, {"j": NAN}, {"j": "a"}),
-    ),
-    "range": (
-        lambda v: {"limits": {"position": {"j": v}}},
-        "limits.position.j",
-        lambda v: Limits(position={"j": v}),
-        ([1, 1], [1, 0], [0, NAN], [0], [0, 1, 2], "ab", 1),
-    ),
-    "payload": (
-        lambda v: {"payload": {"link": "hand", "mass": 1.0, "inertia": v}, "limits": {"torque": "urdf"}, **TIMED},
-        "payload.inertia",
-        lambda v: Payload("hand", 1.0, inertia=v),
-        ([1, 0, 0, 1, 0, 3], [1, 0, 0, 1, 0, -1], [1, 2], [NAN, 0, 0, 1, 0, 1], "abcdef"),
-    ),
-    "duration": (field_of("timing", "duration"), "timing.duration", lambda v: Timing(v), (*LENGTHS, 1e5)),
-    "rate": (
-        field_of("timing", "rate", {"duration": 1.0}),
-        "timing.rate",
-        lambda v: Timing(1.0, rate=v),
-        (*NUMBERS, 0, 0.5, 1e9),
-    ),
-    "upright": (
-        lambda v: {"path": {"upright": {"link": "hand", "axis": v}}},
-        "path.upright.axis",
-        lambda v: Upright("hand", v),
-        ("zz", [0, 0, 0], [1, 2], [NAN, 0, 1], 1, True),
-    ),
-    "within": (
-        lambda v: {"path": {"position": {"link": "hand", "size": v}}},
-        "path.position.size",
-        lambda v: Within("hand", v),
-        ([INF, INF, INF], [0, 1, 1], [-1, 1, 1], [NAN, 1, 1], [1, 1], "abc"),
-    ),
-    "locked": (
-        lambda v: {"robot": {"name": "panda", "locked": {"finger": v}}},
-        "robot.locked.finger",
-        lambda v: RobotSpec(name="panda", locked={"finger": v}),
-        NUMBERS,
-    ),
-    "ignored pairs": (
-        lambda v: {"robot": {"name": "panda", "ignore_pairs": [v]}},
-        "robot.ignore_pairs[0]",
-        lambda v: RobotSpec(name="panda", ignore_pairs=[v]),
-        (["a", "a"], ["a"], ["a", 1], ["a", ""], "ab", 1),
-    ),
-    **{
-        name: (
-            field_of("planner", name),
-            f"planner.{name}",
-            lambda v, name=name: PlannerSettings(**{name: v}),
-            bad,
-        )
-        for name, bad in {
-            "waypoints": (2, 1001, 10**9, 10.5, 10.0, NAN, True, "10", [10]),
-            "clearance": (*NUMBERS, -0.1, 1.1),
-            "activation": (*NUMBERS, -0.1, 1.1),
-            "gamma": (0, 33, 2.0, NAN, True, "2"),
-            "shaping_length": (*NUMBERS, 0, 1.1),
-            "distance": WORDS,
-            "link_bodies": WORDS,
-            "swept": (1, "true", NAN, [True]),
-            "normals": WORDS,
-        }.items()
-    },
-}
+UNIT = (*NUMBERS, -0.1, 1.1)
+POINTS = ([], [[0, 0, 0]] * 5, [[0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]], [[NAN, 0, 0]], [[1, 2]], 1, "abc")
+TIMES = ([1, 1], [2, 1], [1], [], [-1, 1], [0, NAN], [0, INF], "ab", 1)
+RATES = (NAN, INF, 0, -1, 1e-300, "urdf", "a", "", True, [], {}, [1, NAN], [1, "a"], {"j": 0}, {"j": NAN}, {"j": "a"})
+INERTIAS = ([1, 0, 0, 1, 0, 3], [1, 0, 0, 1, 0, -1], [1, 2], [NAN, 0, 0, 1, 0, 1], "abcdef")
+REGIONS = ([INF, INF, INF], [0, 1, 1], [-1, 1, 1], [NAN, 1, 1], [1, 1], "abc")
+PAIRS = (["a", "a"], ["a"], ["a", 1], ["a", ""], "ab", 1)
+COUNTS = (2, 1001, 10**9, 10.5, 10.0, NAN, True, "10", [10])
+Case = tuple[str, Callable[[Any], Any], tuple[Any, ...], dict[str, Any]]
+# the path of the field in the file, the same made in Python, hostile values, and the keys beside it
+CASES: list[Case] = [
+    ("obstacles[0].shape.size", Box, SIZES, {"type": "box"}),
+    ("obstacles[0].shape.radius", Sphere, LENGTHS, {"type": "sphere"}),
+    ("obstacles[0].shape.radius", lambda v: Cylinder(v, 1), LENGTHS, {"type": "cylinder", "length": 1}),
+    ("obstacles[0].shape.length", lambda v: Cylinder(1, v), LENGTHS, {"type": "cylinder", "radius": 1}),
+    ("obstacles[0].shape.length", lambda v: Capsule(1, v), (*NUMBERS, -1), {"type": "capsule", "radius": 1}),
+    ("obstacles[0].shape.points", Points, POINTS, {"type": "points"}),
+    ("obstacles[0].pose.position", Pose, VECTORS, {}),
+    ("obstacles[0].pose.quaternion_xyzw", lambda v: Pose(quaternion_xyzw=v), QUATERNIONS, {}),
+    ("obstacles[0].name", lambda v: Obstacle(v, BOX_MADE), NAMES, {}),
+    ("obstacles[0].clearance", lambda v: Obstacle("a", BOX_MADE, clearance=v), UNIT, {}),
+    ("obstacles[0].motion.velocity", lambda v: SteadyMotion(velocity=v), VECTORS, {}),
+    ("obstacles[0].motion.times", lambda v: TimedPoses(v, (Pose(), Pose())), TIMES, {"poses": [{}, {}]}),
+    ("attached[0].mass", lambda v: Attached("a", "hand", BOX_MADE, mass=v), LENGTHS, {}),
+    ("attached[0].link", lambda v: Attached("a", v, BOX_MADE), NAMES, {}),
+    ("start.state", lambda v: JointTarget("start", state=v), NAMES, {}),
+    ("start.joints", lambda v: JointTarget("start", positions=v), ([NAN, 0], [0, INF], [1e7], ["a"], [True]), {}),
+    ("goal.pose.position_tolerance", lambda v: PoseTarget("a", Pose(), position_tolerance=v), (*LENGTHS, 1.5), POSE),
+    ("goal.pose.free_rotation", lambda v: PoseTarget("a", Pose(), free_rotation=v), WORDS, POSE),
+    ("self_collision.clearance", lambda v: SelfCollision(clearance=v), UNIT, {}),
+    ("limits.jerk", lambda v: Limits(jerk=v), RATES, {}),
+    ("limits.position.j", lambda v: Limits(position={"j": v}), ([1, 1], [1, 0], [0, NAN], [0], [0, 1, 2], "ab", 1), {}),
+    ("payload.inertia", lambda v: Payload("hand", 1.0, inertia=v), INERTIAS, {"link": "hand", "mass": 1.0}),
+    ("timing.duration", Timing, (*LENGTHS, 1e5), {}),
+    ("timing.rate", lambda v: Timing(1.0, rate=v), (*NUMBERS, 0, 0.5, 1e9), {"duration": 1.0}),
+    ("path.upright.axis", lambda v: Upright("a", v), ("zz", [0, 0, 0], [1, 2], [NAN, 0, 1], 1, True), {"link": "a"}),
+    ("path.position.size", lambda v: Within("a", v), REGIONS, {"link": "a"}),
+    ("robot.locked.finger", lambda v: RobotSpec(name="panda", locked={"finger": v}), NUMBERS, {}),
+    ("robot.ignore_pairs[0]", lambda v: RobotSpec(name="panda", ignore_pairs=[v]), PAIRS, {}),
+    ("planner.waypoints", lambda v: PlannerSettings(waypoints=v), COUNTS, {}),
+    ("planner.clearance", lambda v: PlannerSettings(clearance=v), UNIT, {}),
+    ("planner.activation", lambda v: PlannerSettings(activation=v), UNIT, {}),
+    ("planner.gamma", lambda v: PlannerSettings(gamma=v), (0, 33, 2.0, NAN, True, "2"), {}),
+    ("planner.shaping_length", lambda v: PlannerSettings(shaping_length=v), (*NUMBERS, 0, 1.1), {}),
+    ("planner.distance", lambda v: PlannerSettings(distance=v), WORDS, {}),
+    ("planner.link_bodies", lambda v: PlannerSettings(link_bodies=v), WORDS, {}),
+    ("planner.swept", lambda v: PlannerSettings(swept=v), (1, "true", NAN, [True]), {}),
+    ("planner.normals", lambda v: PlannerSettings(normals=v), WORDS, {}),
+]
 HINTS = (", which YAML does not read as a number: write ", "; put it in quotes if it is a name")
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_file_and_program_are_refused_with_the_same_words(tmp_path: Path, case: str) -> None:
-    write, key, make, hostile = CASES[case]
+@pytest.mark.parametrize(("key", "make", "hostile", "beside"), CASES, ids=[key for key, *_ in CASES])
+def test_file_and_program_are_refused_with_the_same_words(
+    tmp_path: Path, key: str, make: Callable[[Any], Any], hostile: tuple[Any, ...], beside: dict[str, Any]
+) -> None:
     file = tmp_path / "scene.yaml"
     for value in hostile:
-        content = {"hdplan": 1, "robot": {"name": "panda"}, "start": {"state": "a"}, "goal": {"state": "a"}}
-        file.write_text(_yaml({**content, **write(value)}), encoding="utf-8")
+        file.write_text(_yaml(scene_with(key, value, beside)), encoding="utf-8")
         with pytest.raises(InputError) as by_file:
             load_scene(file)
         with pytest.raises(FieldError) as by_program:
