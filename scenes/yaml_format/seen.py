@@ -17,7 +17,6 @@ from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
 SETTINGS = ("radius", "voxel", "drop_nan", "ignore_robot")  # as the class has them
 CAMERA = ("intrinsics", "scale", "range")
-IGNORED = ("link", "obstacle", "margin")
 
 
 def read_cloud(section: Field) -> Cloud:
@@ -51,9 +50,7 @@ def _made(section: Field, keys: dict[str, Field], source: object) -> Cloud:
     if "ignore" in keys:
         several = isinstance(keys["ignore"].value, list)
         entries = keys["ignore"].items(of="links and obstacles") if several else [keys["ignore"]]
-        values["ignore"] = tuple(
-            entry.make(Ignored, **entry.mapping(IGNORED, required=["margin"])) for entry in entries
-        )
+        values["ignore"] = tuple(entry.read(Ignored) for entry in entries)
     cloud: Cloud = section.make(Cloud, **values)
     return cloud
 
