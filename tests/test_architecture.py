@@ -154,7 +154,7 @@ def test_heavy_libraries_stay_at_home(library: str) -> None:
 
 
 def test_names_of_modules_in_strings_exist() -> None:
-    """What tests and benchmarks block, replace or look up by name: one that is gone would be tested no more."""
+    """Modules that tests and benchmarks block, replace or look up by name: one that is gone would be tested no more."""
     named = re.compile(r"""["'](?:hdplan\.)((?:planner|scenes|distance|cli|control|symbolic|verify)(?:\.\w+)*)""")
     for path in [*(ROOT / "tests").rglob("*.py"), *(ROOT / "benchmarks").rglob("*.py")]:
         for name in named.findall(path.read_text(encoding="utf-8")):

@@ -303,7 +303,7 @@ def test_every_place_that_tells_classes_apart_is_known() -> None:
 def test_places_fail_for_what_they_do_not_know(
     place: tuple[str, str, str], call: Fails, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also for a kind of sensor that the union has already."""
+    """A kind of sensor that the union has already fails there, too."""
     modules = ("planner.terminal.explain", "planner.pictures.scene", "planner.robot.self_filter")
     for module in (*modules, "planner.proof.world_values", "scenes.yaml_format.writer"):
         monkeypatch.setattr(f"hdplan.{module}.Seen", Seen | Lidar)
@@ -449,7 +449,7 @@ NAMED = {  # files that name one of them, and why no other one is passed over th
 
 
 def names_words(path: Path) -> bool:
-    """Whether a file tells limited quantities or objectives apart."""
+    """True if a file tells limited quantities or objectives apart."""
     words = {*QUANTITIES, *OBJECTIVES}
 
     def is_word(node: ast.AST) -> bool:
@@ -514,7 +514,7 @@ def test_dragging_and_fields_of_the_viewer_know_every_motion() -> None:
 
 
 def test_sampled_ends_are_judged_by_the_same_certificate() -> None:
-    """Of a scene that it does not know whole, nothing is drawn."""
+    """A scene that it does not know whole is not drawn."""
     scene = with_field(load_scene("empty"), "path", with_field(PathConstraints(), "upright", Level()))
     with pytest.raises((AssertionError, coverage.UncheckedError), match="Level"):
         may_end(Certifier(Setup.of(scene)), np.zeros(7))

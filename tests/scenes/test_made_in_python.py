@@ -157,7 +157,7 @@ def scene_of(**changes: Any) -> Scene:
 
 
 def test_the_short_forms_say_what_the_long_ones_say(tmp_path: Path) -> None:
-    """And what a file says: each is equal to the scene that is read back."""
+    """Each form is equal to the scene that is read back from its file."""
     joints, place = (0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785), Pose((0.5, 0.0, 0.2))
     names = tuple(f"panda_joint{i}" for i in range(1, 8))
     tool = PoseTarget("panda_hand_tcp", Pose.from_rpy((0.5, 0.1, 0.4), (0.0, 1.571, 0.0)), free_rotation="x")
@@ -200,7 +200,7 @@ def test_saved_scenes_read_back_equal(tmp_path: Path, name: str) -> None:
     assert load_scene(file) == scene
 
 
-def test_what_no_file_may_say_is_not_saved(tmp_path: Path) -> None:
+def test_scenes_that_no_file_may_hold_are_not_saved(tmp_path: Path) -> None:
     for scene, words in (
         (scene_of(payload=Payload("panda_hand", 1.0)), "payload: only matters for joint torques"),
         (scene_of(timing=Timing()), "timing: makes the motion timed"),
@@ -236,7 +236,7 @@ def test_a_scene_is_shown_in_few_words() -> None:
     assert "RobotSpec(name='panda')" in repr(scene)
 
 
-def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
+def test_harmless_forms_become_those_of_the_reader() -> None:
     assert Box([1, np.float32(2), np.int64(3)]) == Box((1.0, 2.0, 3.0))
     assert Box(np.array([1.0, 2.0, 3.0])) == Box((1.0, 2.0, 3.0))
     assert all(type(x) is float for x in Box(np.array([1, 2, 3])).size)
@@ -335,7 +335,7 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
         (lambda: Mesh(5), "Mesh.file: must be a path"),
     ],
 )
-def test_what_does_not_go_together_is_refused_by_name(make: Callable[[], Any], words: str) -> None:
+def test_contradictions_are_refused_by_name(make: Callable[[], Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         make()
 
@@ -362,7 +362,7 @@ def test_a_program_that_plans_is_refused_what_a_file_is(tmp_path: Path) -> None:
             load_scene(file)
 
 
-def test_what_would_have_no_meaning_is_refused() -> None:
+def test_settings_without_meaning_are_refused() -> None:
     """A file cannot say it, so that it would be lost when the scene is saved."""
     with pytest.raises(InputError, match=r"orientation_tolerance: has no meaning with free_rotation: all"):
         PoseTarget("hand", Pose(), orientation_tolerance=0.5, free_rotation="all")

@@ -170,7 +170,7 @@ def test_the_line_that_ros_prints_after_a_message_begins_nothing(end: str) -> No
 
 
 def test_a_mapping_that_merges_and_is_merged_keeps_its_own_keys() -> None:
-    """Whether it stands before what it is merged into, or within."""
+    """A merge before the mapping, and one within."""
     a, b = {"x": 1, "y": 3}, {"x": 1, "y": 3, "z": 4}
     for text in (
         "a: &a {<<: {x: 1, y: 2}, y: 3}\nb: {<<: *a, z: 4}",

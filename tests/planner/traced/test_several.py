@@ -156,7 +156,7 @@ def test_vmap_maps_it_to_costs_of_one_problem_each_and_there_is_no_callback() ->
     assert "one problem" in repr(symbolic.jax_cost(problems()[0]))
 
 
-def test_what_does_not_fit_is_refused_in_one_line() -> None:
+def test_fields_that_do_not_fit_are_refused_in_one_line() -> None:
     plain = problems()[0]
     others = {
         "waypoints": dict(waypoints=7),

@@ -276,7 +276,7 @@ FILLED = {"string": "word", "float64": 0.37, "int32": 3, "bool": True, "float64[
 
 
 def test_every_unused_field_is_noted_or_refused_by_its_key(tmp_path: Path, problem: dict[str, dict[str, Any]]) -> None:
-    """By its whole key, once it has a value; an empty one has no meaning."""
+    """A field with a value is named by its whole key; an empty one has no meaning."""
     quiet = load(problem, tmp_path)
     checked = 0
     for message, field, key, content in every_field(problem):
@@ -302,7 +302,7 @@ def test_every_unused_field_is_noted_or_refused_by_its_key(tmp_path: Path, probl
     assert load(problem, tmp_path).notes == quiet.notes
 
 
-def test_what_is_understood_is_read(tmp_path: Path, problem: dict[str, dict[str, Any]]) -> None:
+def test_every_understood_field_is_read(tmp_path: Path, problem: dict[str, dict[str, Any]]) -> None:
     """Rubbish in its place is refused by its key; what asks for nothing may hold anything, and changes nothing."""
     plain = load(problem, tmp_path)
     for message, field, key, content in every_field(problem):

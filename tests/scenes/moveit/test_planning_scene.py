@@ -282,7 +282,7 @@ def test_names_in_a_matrix_that_nothing_has_are_named(files: Files) -> None:
 
 
 def test_a_pair_that_the_srdf_leaves_out_and_the_matrix_checks_is_checked(files: Files) -> None:
-    """By its entry, or by the defaults of its links; not where the matrix says nothing or allows it."""
+    """An entry or the defaults of its links decide; a pair that the matrix allows or omits is not checked."""
     names = ["panda_link0", "panda_link1", "panda_link5", "panda_link7"]  # the SRDF disables 0-1 and 5-7, and not 0-5
     some, others = [("panda_link0", "panda_link1")], [("panda_link5", "panda_link7")]
     for allowed, checked in (([], some + others), (some, others), (some + others, [])):

@@ -182,7 +182,7 @@ HAND = """<compiler meshdir="parts"/><default><default class="big"><geom size=".
 <equality><joint joint1="r" joint2="l" polycoef="0.1 -0.5 0 0 0"/></equality>"""
 
 
-def test_what_a_model_says_of_joints_masks_defaults_and_pairs(tmp_path: Path) -> None:
+def test_a_model_of_joints_masks_defaults_and_pairs_is_read(tmp_path: Path) -> None:
     (tmp_path / "parts").mkdir()
     trimesh.creation.icosphere(2, 0.1).export(tmp_path / "parts" / "ball.stl")
     robot = load(tmp_path, HAND)
@@ -253,7 +253,7 @@ def test_what_a_model_says_of_joints_masks_defaults_and_pairs(tmp_path: Path) ->
         ('pos="0 0 1"', 'quat="1 0 0 0" zaxis="0 0 1"', "body 'arm': quat and zaxis say the same"),
     ],
 )
-def test_what_urdf_cannot_say_is_refused_by_name(old: str, new: str, message: str, tmp_path: Path) -> None:
+def test_models_that_urdf_cannot_express_are_refused_by_name(old: str, new: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "parts").mkdir()
     trimesh.creation.icosphere(1, 0.1).export(tmp_path / "parts" / "ball.stl")
     assert HAND.count(old) == 1
@@ -272,7 +272,7 @@ def shape_of(robot: Robot, link: str) -> tuple[str, tuple[float, ...]]:
 
 
 def test_default_sections_are_merged_and_the_first_class_may_have_a_name(tmp_path: Path) -> None:
-    """As MuJoCo merges them: a class made in a later section inherits the values of earlier ones."""
+    """A class of a later section inherits the values of earlier ones, as in MuJoCo."""
     first = "<default class='all'><geom type='box' size='.1 .2 .3'/></default>"
     robot = load(
         tmp_path, PLAIN.format(""), first + "<default><default class='own'><geom rgba='1 0 0 1'/></default></default>"

@@ -62,7 +62,7 @@ def assert_same(scene: Scene, folder: Path) -> None:
 
 
 def verdicts(scene: Scene, rng: np.random.Generator) -> tuple[object, ...]:
-    """What the certificate says of some motions, and of how close some configurations come."""
+    """Verdicts on some motions, and distances at some configurations."""
     robot = load_scene_robot(scene)
     certifier = Certifier(Setup.of(scene, robot))
     rows = robot.draw(rng, 4)
@@ -164,7 +164,7 @@ def test_names_of_all_kinds_read_back_the_same(name: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("name", NO_NAMES)
-def test_what_no_file_can_hold_as_a_name_is_refused(name: str, tmp_path: Path) -> None:
+def test_names_that_no_file_can_hold_are_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(InputError):
         back(replace(load_scene("empty"), obstacles=(Obstacle(name, Sphere(0.1)),)), tmp_path)
 
@@ -390,7 +390,7 @@ def with_a_job() -> Scene:
 
 
 def test_random_scenes_of_every_field_read_back_the_same(tmp_path: Path) -> None:
-    """And every field counts: a scene in which it differs is another scene, and written otherwise."""
+    """Every field counts: a scene in which it differs is another scene, and written otherwise."""
     seen: dict[type, set[str]] = {}
     kinds = set()
 
@@ -431,7 +431,7 @@ def test_numbers_of_other_kinds_are_written_as_what_they_are(tmp_path: Path) -> 
 
 
 def test_a_mesh_behind_a_link_keeps_its_name(tmp_path: Path) -> None:
-    """What a link points to may say nothing of the kind of file."""
+    """The target of a link may have a name without an ending."""
     (tmp_path / "blob").write_bytes(HOOK.read_bytes())
     (tmp_path / "hook.obj").symlink_to(tmp_path / "blob")
     scene = load_scene("empty")
