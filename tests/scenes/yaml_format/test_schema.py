@@ -203,27 +203,8 @@ def break_at_random(content: Any, rng: np.random.Generator) -> str:
     places = list(containers(content))
     place, key = places[int(rng.integers(len(places)))]
     value = place[key]
-    others: list[Any] = [
-        "word",
-        "",
-        " ",
-        "a\nb",
-        3,
-        0,
-        -1,
-        2.5,
-        -0.0,
-        1e7,
-        -1e7,
-        1e-200,
-        True,
-        None,
-        [],
-        {},
-        [1],
-        ["a"],
-    ]
-    others += [[1, 2, 3], [[1, 2]], {"a": 1}, {"a": "b"}, {1: 2}, float("inf")]
+    others: list[Any] = ["word", "", " ", "a\nb", 3, 0, -1, 2.5, -0.0, 1e7, -1e7, 1e-200, float("inf"), True, None]
+    others += [[], {}, [1], ["a"], [1, 2, 3], [[1, 2]], {"a": 1}, {"a": "b"}, {1: 2}]
     match int(rng.integers(4)):
         case 0 if isinstance(value, dict):
             value["unknown"] = 1
