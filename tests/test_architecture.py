@@ -17,29 +17,15 @@ FILES = sorted(path for folder in ("scenes", "distance", "planner") for path in 
 
 ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing runs in a circle
     *("scenes", "scenes.robot_files", "scenes.moveit", "scenes.yaml_format"),
-    *(
-        "distance.compiled",
-        "distance",
-        "distance.numpy_reference",
-        "distance.symbolic",
-        "distance.batch",
-        "distance.baselines",
-    ),
-    *("distance.studies", "planner.geometry.mesh_formats"),
+    *("distance.compiled", "distance", "distance.numpy_reference", "distance.symbolic", "distance.batch"),
+    *("distance.baselines", "distance.studies", "planner.geometry.mesh_formats"),
     *("planner.geometry", "planner.robot", "planner.motion", "planner.certificate"),
     *("planner.kinematics", "planner.collision", "planner.timing", "planner.problem", "planner.solvers"),
     *("planner.symbolic", "planner.traced"),
     "planner.solvers.methods",
     "planner.proof",
-    *(
-        "planner.search",
-        "planner",
-        "planner.replanning",
-        "planner.control",
-        "planner.pictures",
-        "planner.terminal",
-        "planner.studies",
-    ),
+    *("planner.search", "planner", "planner.replanning", "planner.control", "planner.pictures", "planner.terminal"),
+    "planner.studies",
     *("planner.job", "planner.batch", "planner.view.drawing", "planner.page", "planner.view", "planner.commands"),
 ]
 
