@@ -99,9 +99,9 @@ def with_field(value: Any, name: str, held: object) -> Any:
 
 
 PLAIN = Obstacle("o", Box([0.1, 0.1, 0.1]))
-OF_TORUS, OF_ROUNDED, OF_LIDAR = (
-    with_field(PLAIN, "shape", shape) for shape in (Torus(), Rounded([0.1, 0.1, 0.1]), Lidar())
-)
+ROUNDED = Rounded([0.1, 0.1, 0.1])
+OBSTACLES = [with_field(PLAIN, "shape", shape) for shape in (Torus(), ROUNDED, Lidar())]
+OF_TORUS, _, OF_LIDAR = OBSTACLES
 SWINGING = with_field(PLAIN, "motion", Swinging())
 
 
@@ -114,25 +114,24 @@ CLASSES = {
     **{kind.__name__: "path" for kind in get_args(PathConstraint)},
 }
 Fails = Callable[[], object]
+
+
+def for_each(call: Callable[[Any], object], *dummies: object) -> tuple[Fails, ...]:
+    return tuple(functools.partial(call, dummy) for dummy in dummies)
+
+
 PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
     ("planner/batch/sample.py", "_moved", "seen"): "what was measured keeps its size",
     ("planner/certificate/coverage.py", "", "motion"): (lambda: coverage.required_of(of(SWINGING), robot()),),
     ("planner/certificate/coverage.py", "", "path"): (lambda: coverage.required_of(along(Level()), robot()),),
     ("planner/certificate/coverage.py", "", "seen"): (lambda: coverage.required_of(of(OF_LIDAR), robot()),),
-    ("planner/certificate/exact_proximity.py", "", "shape"): (
-        lambda: exact_proximity.obstacle_pieces(OF_TORUS),
-        lambda: exact_proximity.obstacle_pieces(OF_ROUNDED),
-        lambda: exact_proximity.obstacle_pieces(OF_LIDAR),
-    ),
-    ("planner/certificate/solids.py", "obstacle_bodies", "seen"): (  # others are shapes, or `obstacle_pieces` fails
-        lambda: solids.obstacle_bodies(OF_TORUS),
-        lambda: solids.obstacle_bodies(OF_LIDAR),
+    ("planner/certificate/exact_proximity.py", "", "shape"): for_each(exact_proximity.obstacle_pieces, *OBSTACLES),
+    ("planner/certificate/solids.py", "obstacle_bodies", "seen"): for_each(  # others: `obstacle_pieces` fails
+        solids.obstacle_bodies, OF_TORUS, OF_LIDAR
     ),
     ("planner/collision/halfspace_bodies.py", "enclosed_loosely", "seen"): "asks for what can be enclosed again",
-    ("planner/collision/halfspace_bodies.py", "from_obstacle", "seen"): (
-        lambda: halfspace_bodies.from_obstacle(OF_LIDAR),
-        lambda: halfspace_bodies.from_obstacle(OF_TORUS),
-        lambda: halfspace_bodies.from_obstacle(OF_ROUNDED),
+    ("planner/collision/halfspace_bodies.py", "from_obstacle", "seen"): for_each(
+        halfspace_bodies.from_obstacle, *OBSTACLES
     ),
     ("planner/collision/halfspace_bodies.py", "from_shape", "shape"): (
         lambda: halfspace_bodies.from_shape("o", Torus(), np.eye(4)),
@@ -145,47 +144,28 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
     ("planner/control/controller.py", "_as_left", "seen"): "keeps all points of what is no cloud",
     ("planner/geometry/opened.py", "_read", "seen"): "reads files; what stays unread is refused wherever it is used",
     ("planner/geometry/opened.py", "_read", "shape"): "reads files; what stays unread is refused wherever it is used",
-    ("planner/geometry/shape_table.py", "", "shape"): (
-        lambda: shape_table.operations(Torus()),
-        lambda: shape_table.operations(Rounded([0.1, 0.1, 0.1])),
-    ),
+    ("planner/geometry/shape_table.py", "", "shape"): for_each(shape_table.operations, Torus(), ROUNDED),
     ("planner/job/world.py", "shape_of", "shape"): "refuses whatever is no shape",
     ("planner/job/world.py", "_as_seen", "seen"): "clouds alone ignore points",
-    ("planner/pictures/scene.py", "_bodies", "seen"): (
-        lambda: picture._bodies(OF_TORUS),
-        lambda: picture._bodies(OF_LIDAR),
-    ),
+    ("planner/pictures/scene.py", "_bodies", "seen"): for_each(lambda it: picture._bodies(it), OF_TORUS, OF_LIDAR),
     ("planner/problem/assemble.py", "with_seen_points", "seen"): "asks for clouds: they alone are seen again",
-    ("planner/proof/world_values.py", "plain_shape", "shape"): (
-        lambda: world_values.plain_shape(Torus()),
-        lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),
-    ),
-    ("planner/proof/world_values.py", "plain_shape", "seen"): (
-        lambda: world_values.plain_shape(Torus()),
-        lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),
-        lambda: world_values.plain_shape(Lidar()),
-    ),
+    ("planner/proof/world_values.py", "plain_shape", "shape"): for_each(world_values.plain_shape, Torus(), ROUNDED),
+    ("planner/proof/world_values.py", "plain_shape", "seen"): for_each(world_values.plain_shape, Lidar()),
     ("planner/replanning/picture.py", "Sighting.frozen", "motion"): "for ways alone; pictures refuse other motions",
     ("planner/replanning/picture.py", "Sightings.updated", "seen"): "a cloud alone is given as one",
     ("planner/replanning/picture.py", "_named", "seen"): "a cloud alone is given as one",
     ("planner/replanning/picture.py", "_refuse_timed", "motion"): "refuses all others",
-    ("planner/robot/self_filter.py", "_solids", "seen"): (
-        lambda: self_filter._solids(Ignored(0.1, obstacle="o"), of(OF_TORUS), None, "f"),
-        lambda: self_filter._solids(Ignored(0.1, obstacle="o"), of(OF_LIDAR), None, "f"),
+    ("planner/robot/self_filter.py", "_solids", "seen"): for_each(
+        lambda it: self_filter._solids(Ignored(0.1, obstacle="o"), of(it), None, "f"), OF_TORUS, OF_LIDAR
     ),
     ("planner/robot/self_filter.py", "self_filtered", "seen"): "asks for clouds: they alone say what to ignore",
-    ("planner/terminal/explain.py", "_words", "seen"): (
-        lambda: explain._words(OF_TORUS, OF_TORUS),
-        lambda: explain._words(OF_LIDAR, OF_LIDAR),
-    ),
+    ("planner/terminal/explain.py", "_words", "seen"): for_each(lambda it: explain._words(it, it), OF_TORUS, OF_LIDAR),
     ("planner/view/drawing/clouds.py", "CloudNode.__init__", "seen"): "asserts that it is given a cloud",
-    ("planner/view/drawing/skins.py", "obstacle_mesh", "seen"): (
-        lambda: skins().obstacle_mesh(OF_TORUS),
-        lambda: skins().obstacle_mesh(OF_LIDAR),
+    ("planner/view/drawing/skins.py", "obstacle_mesh", "seen"): for_each(
+        lambda it: skins().obstacle_mesh(it), OF_TORUS, OF_LIDAR
     ),
-    ("planner/view/drawing/skins.py", "obstacle_parts", "seen"): (
-        lambda: skins().obstacle_parts(OF_TORUS),
-        lambda: skins().obstacle_parts(OF_LIDAR),
+    ("planner/view/drawing/skins.py", "obstacle_parts", "seen"): for_each(
+        lambda it: skins().obstacle_parts(it), OF_TORUS, OF_LIDAR
     ),
     ("planner/view/scene_edits.py", "passing", "motion"): "refuses all but timed poses in words for the user",
     (
@@ -207,11 +187,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
     ("scenes/yaml_format/writer.py", "", "path"): (lambda: writer.scene_text(along(Level())),),
     ("scenes/yaml_format/writer.py", "", "seen"): (lambda: writer.scene_text(of(OF_LIDAR)),),
     ("scenes/yaml_format/writer.py", "_obstacle", "motion"): (lambda: writer.scene_text(of(SWINGING)),),
-    ("scenes/yaml_format/writer.py", "_obstacle", "seen"): (
-        lambda: writer.scene_text(of(OF_LIDAR)),
-        lambda: writer.scene_text(of(OF_TORUS)),
-        lambda: writer.scene_text(of(OF_ROUNDED)),
-    ),
+    ("scenes/yaml_format/writer.py", "_obstacle", "seen"): for_each(lambda it: writer.scene_text(of(it)), *OBSTACLES),
 }
 """(file, function, what is distinguished) -> calls that must fail, or why it is no list of them."""
 
