@@ -168,11 +168,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda it: skins().obstacle_parts(it), OF_TORUS, OF_LIDAR
     ),
     ("planner/view/scene_edits.py", "passing", "motion"): "refuses all but timed poses in words for the user",
-    (
-        "planner/view/obstacle_fields.py",
-        "ObstacleFields._build",
-        "motion",
-    ): "others go to `_rates`, which is complete",
+    ("planner/view/obstacle_fields.py", "ObstacleFields._build", "motion"): "others go to `_rates`, which is complete",
     ("planner/view/obstacle_fields.py", "ObstacleFields.update", "motion"): "tells whether fields are built anew",
     ("planner/view/obstacle_fields.py", "_duration", "motion"): "asserts that it is given timed poses",
     ("planner/view/drawing/standing.py", "Standing._node", "seen"): "other nodes are drawn by `skins.obstacle_mesh`",

@@ -174,10 +174,7 @@ def test_the_short_forms_say_what_the_long_ones_say(tmp_path: Path) -> None:
         (AllOf([tool, anyhow]), Goals((AllOf((tool, anyhow)),))),
         ([AllOf([tool, anyhow])], Goals((AllOf((tool, anyhow)),))),
         (many, Goals(tuple(JointTarget("goal", tuple(row)) for row in many.tolist()))),
-        (
-            [list(joints), zeros],
-            Goals((JointTarget("a", joints), JointTarget("b", by_name=zeros))),
-        ),
+        ([list(joints), zeros], Goals((JointTarget("a", joints), JointTarget("b", by_name=zeros)))),
     ):
         shapes = [Box([1, 1, 0.1], pose=[0, 0, -0.2]), Sphere(0.1, name="ball", pose=place), Obstacle("x", BOX_MADE)]
         obstacles = (
@@ -333,10 +330,7 @@ def test_a_program_that_plans_is_refused_what_a_file_is(tmp_path: Path) -> None:
 
     moving = Obstacle("ball", Sphere(0.1), Pose((9, 9, 9)), motion=SteadyMotion((0.1, 0, 0)))
     for scene, words in (
-        (
-            scene_of(obstacles=(moving,)),
-            r"obstacles\[0\].motion: needs known times, but timing.duration is missing",
-        ),
+        (scene_of(obstacles=(moving,)), r"obstacles\[0\].motion: needs known times, but timing.duration is missing"),
         (scene_of(payload=Payload("panda_hand", 1.0)), "payload: only matters for joint torques"),
         (scene_of(timing=Timing()), "timing: makes the motion timed"),
         (scene_of(limits=Limits(velocity="urdf")), "limits.velocity: makes the motion timed"),

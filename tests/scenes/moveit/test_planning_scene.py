@@ -631,8 +631,7 @@ def test_swapped_files_are_reported(files: Files) -> None:
 
 @pytest.mark.skipif(not MBM.is_dir(), reason="the MotionBenchMaker problems are not beside this repository")
 @pytest.mark.parametrize(
-    ("arm", "group"),
-    [("panda", "arm"), ("ur5", "manipulator"), ("fetch", "arm_with_torso"), ("baxter", "both_arms")],
+    ("arm", "group"), [("panda", "arm"), ("ur5", "manipulator"), ("fetch", "arm_with_torso"), ("baxter", "both_arms")]
 )
 def test_every_benchmark_problem_loads(arm: str, group: str) -> None:
     files = sorted((MBM / arm).glob("*/scene*.yaml"))

@@ -111,11 +111,7 @@ def test_a_model_of_joints_masks_defaults_and_pairs_is_read(tmp_path: Path) -> N
     ("old", "new", "message"),
     [
         ('conaffinity="0" type="plane"', 'type="plane"', "body 'base': geom '1': type 'plane' is not supported"),
-        (
-            '<geom size=".1"/>',
-            '<geom type="hfield" name="h"/>',
-            "geom 'h': type 'hfield' is not supported",
-        ),
+        ('<geom size=".1"/>', '<geom type="hfield" name="h"/>', "geom 'h': type 'hfield' is not supported"),
         ('type="mesh" mesh="ball"', 'type="box" mesh="ball"', "geom '0': type 'box fitted to a mesh' is not"),
         ('<geom size=".1"/>', '<geom size="-1"/>', r"geom '0': size must be a number greater than 0 .*'-1'"),
         ('<geom size=".1"/>', '<geom size="x"/>', "geom: size must be finite numbers, found 'x'"),
@@ -132,11 +128,7 @@ def test_a_model_of_joints_masks_defaults_and_pairs_is_read(tmp_path: Path) -> N
         ('childclass="big"', 'childclass="bigg"', "unknown class 'bigg'"),
         ('name="left"', 'name="arm"', "body 'arm': the name is taken"),
         ('name="turn"', 'name="slide"', "joint 'slide': the name is taken"),
-        (
-            '<geom size=".1"/>',
-            '<geom typ="box" size=".1 .1 .1"/>',
-            r"'typ' is not known \(did you mean 'type'",
-        ),
+        ('<geom size=".1"/>', '<geom typ="box" size=".1 .1 .1"/>', r"'typ' is not known \(did you mean 'type'"),
         ('range="0 90"', 'rnage="0 90"', r"joint 'l': attribute 'rnage' is not known \(did you mean 'range'"),
         ('pos="0 0 1"', 'pso="0 0 1"', r"body 'arm': attribute 'pso' is not known \(did you mean 'pos'"),
         ('<geom size=".2"/>', '<goem size=".2"/>', r"default: element 'goem' is not known \(did you mean 'geom'"),

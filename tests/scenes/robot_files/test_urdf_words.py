@@ -245,10 +245,7 @@ def test_unknown_names_of_an_srdf_are_noted(tmp_path: Path) -> None:
         ('<group_state name="s" group="a"><joint name="turn" value="1_0"/></group_state>', "'1_0' is not a number"),
         ('<group_state name="s" group="a"><joint name="turn"/></group_state>', "one number is needed, found no value"),
         ('<group_state name="s"><joint name="turn" value="1 0"/></group_state>', "'turn': one number is .*2 values"),
-        (
-            '<group_state name="s"><joint name="turn"/><joint name="turn"/></group_state>',
-            "'s': joint 'turn' appears 2",
-        ),
+        ('<group_state name="s"><joint name="turn"/><joint name="turn"/></group_state>', "'s': joint 'turn' appears 2"),
         ('<group_state name="s" group="a"/>' * 2, "group_state 's' of group 'a' appears 2 times"),
         ('<group name="a"><joint name="turn"/></group><group name="a"/>', "group 'a' appears 2 times; names must"),
         ("<group><joint name='turn'/></group>", "group: must have the attribute 'name'"),
