@@ -46,7 +46,8 @@ def plan_job(
 
     Raises:
         InputError: for a scene without a job, and for errors in the scene, its robot or a stage, which the message
-        names. TimeLimitError: a `deadline.time_limit` passed before there was a motion.
+            names.
+        TimeLimitError: a `deadline.time_limit` passed before there was a motion.
     """
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
