@@ -111,7 +111,7 @@ class Certificate:
     seconds: float  # that the check took [s]
     required: float  # [m] of clearance, to obstacles without one of their own
     notes: tuple[str, ...] = ()  # notes on reduced clearance, holes in meshes, masses and points left out
-    prover: Callable[[], ProofFile] | None = field(default=None, repr=False, compare=False)  # makes the proof of a planned motion
+    prover: Callable[[], ProofFile] | None = field(default=None, repr=False, compare=False)  # makes a planned motion's proof
 
     @property
     def proof(self) -> ProofFile:
