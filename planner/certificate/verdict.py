@@ -98,7 +98,7 @@ class Certificate:
     status: Status
     text: str  # one sentence: what was found, where, and what to do
     clearance: float | None  # [m] proven lower bound, robot to obstacles; None without obstacles or without proof
-    self_clearance: float | None  # [m] the same between the links
+    self_clearance: float | None  # [m] proven lower bound between links; None without proof
     worst: Place | None  # the closest place found between robot and obstacles
     self_worst: Place | None  # the closest place found between links
     failures: tuple[Place, ...]  # every waypoint interval and pair that is not proven, with the worst place found there
@@ -106,12 +106,12 @@ class Certificate:
     path: tuple[Kept, ...]  # how well the scene's path constraints are kept, if it has any
     departures: tuple[Departure, ...]  # every waypoint interval and path constraint that is not proven
     overloaded: tuple[int, ...]  # every waypoint interval in which gravity alone overloads a joint
-    configurations: int  # number of those at which distances were computed
+    configurations: int  # number of configurations at which distances were computed
     exact_calls: int  # number of calls of the exact distance
-    seconds: float  # that the check took [s]
+    seconds: float  # time of the check [s]
     required: float  # [m] of clearance, to obstacles without one of their own
     notes: tuple[str, ...] = ()  # notes on reduced clearance, holes in meshes, masses and points left out
-    prover: Callable[[], ProofFile] | None = field(default=None, repr=False, compare=False)  # makes a planned motion's proof
+    prover: Callable[[], ProofFile] | None = field(default=None, repr=False, compare=False)  # of a motion's proof
 
     @property
     def proof(self) -> ProofFile:
