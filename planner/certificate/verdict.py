@@ -72,7 +72,7 @@ class Place:
         """The distance, such as "3.2 mm", and what is unknown of it."""
         found = f"{self.distance * 1e3:.3g} mm"
         return (
-            f"{found} ({(self.distance + self.unknown) * 1e3:.3g} mm less what is unknown)" if self.unknown else found
+            f"{found} ({(self.distance + self.unknown) * 1e3:.3g} mm less the uncertainty)" if self.unknown else found
         )
 
 
