@@ -234,11 +234,11 @@ def overview(outcomes: list[Outcome], proofs: bool = False) -> str:
                 "timed": sum(np.isfinite(o.motion) for o in proven),
                 "planning median / p95 [ms]": f"{_quantile(seconds, 0.5, '.0f')} / {_quantile(seconds, 0.95, '.0f')}",
                 "length [rad]": _quantile([s.length for s in shapes], 0.5, ".2f"),
-                "length, of hdplan's [%]": _share(
+                "length / hdplan's [%]": _share(
                     [(a.shape.length, b.shape.length) for a, b in pairs if a.shape and b.shape]
                 ),
                 "motion time [s]": _quantile([o.motion for o in proven if np.isfinite(o.motion)], 0.5, ".2f"),
-                "motion time, of hdplan's [%]": _share(
+                "motion time / hdplan's [%]": _share(
                     [(a.motion, b.motion) for a, b in pairs if np.isfinite(a.motion)]
                 ),
                 "∫ acceleration² [rad²]": _quantile([s.acceleration for s in shapes], 0.5, ",.0f"),
