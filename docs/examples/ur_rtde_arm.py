@@ -35,7 +35,7 @@ class UR:
         return np.array(self.receive.getActualQ()), np.array(self.receive.getActualQd())
 
     def send(self, position, velocity):
-        """Send the reference for the end of this period; the controller's look-ahead and gain are its smallest and a middle one."""
+        """Send the reference for the end of this period, with the least look-ahead and a middle gain."""
         began = self.control.initPeriod()
         if not self.control.servoJ(position.tolist(), 0.0, 0.0, self.period, 0.03, 500.0):
             raise RuntimeError("the controller does not take positions")
