@@ -62,7 +62,7 @@ def plan(
     Args:
         scene: from load_scene, or a Scene made in Python.
         solver: "gauss_newton", "chomp", "fatrop" or "ipopt".
-        seed: of the random initial guesses; the same seed gives the same result, as far as the time limit allows.
+        seed: of the random guesses; the same seed gives the same result, as far as the time limit allows.
         time_limit: [s] for solving and certifying; the best motion found by then is returned, its status says how good
             it is, and `ended` what the limit ended. Within `deadline.time_limit` building counts too, and the
             certificate ends with it.

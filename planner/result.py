@@ -51,7 +51,7 @@ class PlanResult:
     certificate: Certificate
     solver: str
     seed: int
-    attempts: int  # initial guesses tried until one was certified
+    attempts: int  # guesses tried until one was certified
     iterations: int  # steps of the solver, all attempts together
     steps: tuple[Iteration, ...]  # the solver's steps of the attempt that is returned
     times: Times

@@ -58,7 +58,7 @@ class Barriers:
         hulls: Sequence[LinkBody] = (),
         unguarded: Sequence[tuple[str, str]] = (),
     ) -> None:
-        """Lay out the pairs. `obstacles` are static; the bodies of a moving obstacle are given in its own frame.
+        """Assemble the pairs. `obstacles` are static; the bodies of a moving obstacle are given in its own frame.
 
         clearances: [m], by obstacle, added to the settings' growth. hulls: the links' own hulls, for `nearness`.
         unguarded: pairs of links that are left out, for the report.

@@ -24,7 +24,7 @@ class ControlSettings(Checked):
     yielding: Annotated[float, Number(high=1e3, above=0.0, unit="1/s")] = 4.0
     """The rate η for moving obstacles, at most `rate`: the smaller, the sooner the robot gives way [1/s]."""
     horizon: Annotated[float, Number(above=0.0, unit="m")] = 0.25
-    """R: how far from its bound a standing obstacle counts at all [m]; toward it the rate grows without limit."""
+    """R: how far from its bound a static obstacle counts at all [m]; toward it the rate grows without limit."""
     period: Annotated[float, Number(high=1.0, above=0.0, unit="s")] = 0.005  # T, over which commands are held [s]
     speed: Annotated[float, Number(high=1.0, above=0.0)] = 1.0  # share of the robot's velocity limits that is used
     rise: Annotated[float, Number(0.0, 10.0, unit="s")] = 0.2
