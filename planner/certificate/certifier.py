@@ -296,7 +296,7 @@ class Certifier:
         costs = zip(FIELDS, self.sweep.shares(moved, spot).tolist(), strict=True)
         text = ", ".join(f"{1e3 * cost:.3g} mm for {field}" for field, cost in costs if cost)
         whose = " and ".join(self._names(spot.pair))
-        return (f"what is unknown takes {1e3 * spot.unknown:.3g} mm where {whose} are closest: {text}",)
+        return (f"the uncertainty takes {1e3 * spot.unknown:.3g} mm where {whose} are closest: {text}",)
 
     def _check_times(self, curve: Curve) -> None:
         """Raise InputError if the scene needs times and the curve has none."""

@@ -98,7 +98,6 @@ def test_plan_many_tells_how_far_it_has_come(two_workers: Any, monkeypatch: pyte
 
 def test_workers_keep_no_samples_of_themselves(two_workers: Any) -> None:
     """Dask's profiler takes by default a quarter of a megabyte each second, for hours."""
-    """By default dask's profiler takes a quarter of a megabyte each second, for hours."""
     import dask
 
     assert set(two_workers.run(dask.config.get, "distributed.worker.profile.enabled").values()) == {False}
