@@ -48,8 +48,7 @@ class EndFields:
         """Show the end that is selected, if one is."""
         thing = self._viewer.panel.handles.selected
         shown = thing is not None and thing.kind != "obstacle"
-        if self._folder.visible != shown:
-            self._folder.visible = shown
+        self._folder.visible = shown
         if thing is None or not shown:
             return
         if not self._turning:
@@ -57,8 +56,7 @@ class EndFields:
                 self._build()
         turning = turns(self._viewer.edited, thing)
         for field in self._turning:
-            if field.visible != turning:
-                field.visible = turning
+            field.visible = turning
         self._fields.update()
 
     def snap(self) -> None:

@@ -143,8 +143,7 @@ class Handles:
     def _show(self) -> None:
         """Say what is selected, in the list, in the scene and in the fields."""
         name = NOTHING if self.selected is None else str(self.selected)
-        if self.choice.value != name:
-            self.choice.value = name
+        self.choice.value = name
         self._viewer.stage.highlight(self.selected, self.obstacles)
         self._viewer.panel.select(self.selected)
 

@@ -82,8 +82,7 @@ class JobHandles:
             self.choice.options = names
         thing = self.thing
         name = NOTHING if thing is None else thing.label
-        if self.choice.value != name:
-            self.choice.value = name
+        self.choice.value = name
         self._viewer.stage.select(None if thing is None else thing.obstacle)
         if not self._dragging:
             self._place(thing)

@@ -87,8 +87,7 @@ class Layers:
         self.frames.show(self.on(FRAMES), viewer.robot, q)
         self.names.show(self.on(NAMES) and self.on("obstacles"), viewer.stage.obstacles)
         clouds, active = viewer.stage.clouds, viewer.motions.active
-        if self._color.visible != bool(clouds):
-            self._color.visible = bool(clouds)
+        self._color.visible = bool(clouds)
         by_clearance = self._color.value == CLEARANCE and active is not None
         for cloud in () if viewer.panel.handles.dragging else clouds:
             cloud.color(viewer.robot, active.motion if by_clearance and active is not None else None)

@@ -120,8 +120,7 @@ class Live:
 
     def _say(self, text: str) -> None:
         words = f'<div class="hd hd-under">{html.escape(text)}</div>'
-        if self._text.content != words:
-            self._text.content = words
+        self._text.content = words
 
     # --- the thread -----------------------------------------------------------------------------------------------
 

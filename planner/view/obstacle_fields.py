@@ -109,8 +109,7 @@ class ObstacleFields:
         """Show the selected obstacle."""
         count = len(self._viewer.panel.handles.obstacles)
         for part, shown in ((self._folder, count == 1), (self._buttons, count > 0), (self._grouping, count > 0)):
-            if part.visible != shown:
-                part.visible = shown
+            part.visible = shown
         if count != 1:
             return
         obstacle = self._selected

@@ -207,24 +207,21 @@ class Panel:
         if motions.active is not None:
             colors, means, _ = self._viewer.motion_nodes.look_of(motions.active)
             content = color_legend(colors, html.escape(means)) if isinstance(colors, tuple) else clearance_legend()
-        if self._legend.content != content:
-            self._legend.content = content
+        self._legend.content = content
 
     def _say_badge(self) -> None:
         """Show the verdict in the scene."""
         viewer, active = self._viewer, self._viewer.motions.active
         holds = active is not None and viewer.document.holds(active)
         content = badge(viewer.edited, None if active is None else active.motion, holds)
-        if self._badge.content != content:
-            self._badge.content = content
+        self._badge.content = content
 
     def say_next(self, words: str, bad: bool = False) -> None:
         """Show what to do or know now, in the two lines that are reserved for it."""
         text = html.escape(words)
         tint = " hd-bad" if bad else ""
         content = f'<div class="hd hd-two{tint}" title="{text}">{text}</div>'
-        if self._next.content != content:
-            self._next.content = content
+        self._next.content = content
 
     def take_back(self) -> None:
         """Withdraw the words about the motions and of a moment: something failed."""

@@ -88,8 +88,7 @@ class Tree:
         """Write the lines, and hide what is hidden."""
         viewer = self._viewer
         for node in viewer.stage.obstacles:
-            if node.frame.visible == (node.obstacle.name in self.hidden):
-                node.frame.visible = node.obstacle.name not in self.hidden
+            node.frame.visible = node.obstacle.name not in self.hidden
         lines: dict[str, list[str]] = {}  # by group; what is in none has a place of its own
         for thing in things(viewer.edited):
             group = groups.group_of(thing.name) if thing.kind == "obstacle" else ""
@@ -97,8 +96,7 @@ class Tree:
             if group not in self._folded:
                 mine.append(self._line(thing, group))
         content = f'<div class="hd">{"".join(itertools.chain(*lines.values()))}</div>'
-        if self._html.content != content:
-            self._html.content = content
+        self._html.content = content
 
     def _group_line(self, group: str) -> str:
         edited, handles = self._viewer.edited, self._viewer.panel.handles
