@@ -9,6 +9,7 @@ import numpy as np
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.labels import Label
 from hdplan.planner.view.drawing.nodes import LinkNode, ObstacleNode
+from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.looking import SPARSE
 from hdplan.planner.view.things import place_of
 from hdplan.scenes.array_types import Array
@@ -23,9 +24,9 @@ POSTURES = 7  # of the robot along a motion
 class InView:
     """The scene of a viewer, for its cameras."""
 
-    def __init__(self, viewer: Viewer) -> None:
-        """Take its viewer."""
-        self._viewer = viewer
+    def __init__(self, viewer: Viewer, handles: Handles) -> None:
+        """Take its viewer, and its selection."""
+        self._viewer, self._handles = viewer, handles
 
     @property
     def robot(self) -> Robot:
@@ -59,7 +60,7 @@ class InView:
 
     def selected(self) -> ObstacleNode | Array | None:
         """Return the selection: an obstacle, or the robot at its start or goal (n,)."""
-        viewer, thing = self._viewer, self._viewer.panel.handles.selected
+        viewer, thing = self._viewer, self._handles.selected
         if thing is None:
             return None
         if thing.kind == "obstacle":
@@ -68,7 +69,7 @@ class InView:
 
     def handle(self) -> Pose | None:
         """Return the pose of the handle; None: there is none."""
-        viewer, thing = self._viewer, self._viewer.panel.handles.selected
+        viewer, thing = self._viewer, self._handles.selected
         return None if thing is None else place_of(viewer.edited, thing, viewer.stage.tip)
 
     def words(self) -> tuple[Label, ...]:

@@ -55,17 +55,18 @@ class Panel:
         self._viewer = viewer
         gui = viewer.server.gui
         ground = ground_of(viewer.robot, viewer.scene.robot, viewer.edited.read.obstacles)
+        self.handles = Handles(viewer)
         self.page = Page(viewer.server, viewer.gate, viewer.scene.name, ground)
         self.planning = Planning(viewer)
         self.player = Player(viewer.server, viewer.worker, viewer.draw)
         self._next, self._badge = gui.add_html(""), gui.add_html("")
         self.rows = Rows(viewer, self.page)
         self._clearance = gui.add_html("")
-        self.live = Live(viewer)
-        self.looking = Looking(viewer.server, viewer.worker, InView(viewer))
+        self.live = Live(viewer, self.handles)
+        self.looking = Looking(viewer.server, viewer.worker, InView(viewer, self.handles))
         self._legend = gui.add_html("")
         self.page.build()
-        self.editing = Editing(viewer)
+        self.editing = Editing(viewer, self.handles)
         self.tabs = gui.add_tab_group()
         with self.tabs.add_tab("Plots"):
             self._plots = MotionPlots(viewer.server, viewer.robot, self._replot)
@@ -73,10 +74,10 @@ class Panel:
             self._table = gui.add_html("")
             self.jogging = Jogging(viewer, self.editing)
         with self.tabs.add_tab("Scene"):
-            self.handles = Handles(viewer)
-            self.tree = Tree(viewer, self.page, self.editing)
-            self.obstacles = ObstacleFields(viewer, self.editing)
-            self.ends = EndFields(viewer, self.editing)
+            self.handles.build()
+            self.tree = Tree(viewer, self.page, self.editing, self.handles)
+            self.obstacles = ObstacleFields(viewer, self.editing, self.handles)
+            self.ends = EndFields(viewer, self.editing, self.handles)
             self.measuring = Measuring(viewer)
             self.opening = Opening(viewer, self.editing)
             self.saving = Saving(viewer)
@@ -86,9 +87,9 @@ class Panel:
             self.settings = Settings(viewer, self.editing)
         with self.tabs.add_tab("Layers"):
             self.player.build_speed(viewer.server)
-            self.layers = Layers(viewer)
+            self.layers = Layers(viewer, self.handles)
             gui.add_html(small(html.escape(note)))
-        self.keys = Keys(viewer.server, keys_of(viewer))
+        self.keys = Keys(viewer.server, keys_of(self))
         self._followed = 0.0
         self.page.on("zoom", lambda _, message: self._zoom(message.get("from"), message.get("to")))
         self.page.on(

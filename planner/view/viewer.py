@@ -93,7 +93,6 @@ class Viewer(Served):
         through = collision_skins(self.robot) or skins
         self.motion_nodes = MotionNodes(server, self.robot, through, self.document)
         self.panel: Panel = Panel(self, note)
-        server.on_client_disconnect(lambda client: self.panel.handles.left(client.client_id))
         self.worker.ask("begin", lambda: self._begin(motions))
         self.worker.settle()
 

@@ -129,7 +129,7 @@ def handled(page: Any, viewer: Viewer) -> None:
 
     def stands() -> bool:
         viewer.worker.settle(PATIENCE)
-        handle = viewer.panel.handles._handle
+        handle = viewer.panel.handles.grip.node
         return handle is not None and bool(
             page.evaluate(STANDS, (handle.name, tuple(handle.position.tolist()), SAME_PLACE))
         )

@@ -536,10 +536,10 @@ def test_the_handle_stands_as_what_is_selected(viewer: Viewer) -> None:
     """Upright for an obstacle, also after the goal was selected, whose handle is turned; a move of it turns nothing."""
     handles, name = viewer.panel.handles, viewer.scene.obstacles[0].name
     by_worker(viewer, lambda: handles.select(GOAL))
-    turned = handles._handle.wxyz.copy()
+    turned = handles.grip.node.wxyz.copy()
     by_worker(viewer, lambda: handles._clicked(Thing("obstacle", name), False))
     assert handles.selected == Thing("obstacle", name)
     np.testing.assert_allclose(
-        np.roll(handles._handle.wxyz, -1), viewer.scene.obstacles[0].pose.quaternion_xyzw, atol=1e-12
+        np.roll(handles.grip.node.wxyz, -1), viewer.scene.obstacles[0].pose.quaternion_xyzw, atol=1e-12
     )
-    assert np.abs(turned - handles._handle.wxyz).max() > 0.1
+    assert np.abs(turned - handles.grip.node.wxyz).max() > 0.1

@@ -137,7 +137,7 @@ def test_verdicts_stay_true_during_live_drags(drags: int, viewer: Viewer) -> Non
         by_worker(viewer, lambda thing=thing: viewer.panel.handles.select(thing))
         viewer.worker.ask("drag", lambda pose=pose: viewer.panel.handles.drag(pose))
         if rng.random() < 0.3:
-            viewer.panel.handles.release()
+            viewer.panel.handles.grip.release()
         if rng.random() < 0.3:
             time.sleep(0.05)
         by_worker(viewer, lambda: _assert_true(viewer))

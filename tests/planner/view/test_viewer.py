@@ -472,9 +472,9 @@ def test_a_handle_that_is_no_pose_is_one_line(viewer: Viewer) -> None:
         handle = SimpleNamespace(position=position, wxyz=wxyz, remove=lambda: None)
         viewer.panel.handles.choice.value = str(GOAL)
         viewer.worker.settle(20)
-        viewer.panel.handles._handle = handle
+        viewer.panel.handles.grip.node = handle
         before = viewer.scene
-        viewer.panel.handles._dragged(SimpleNamespace(target=handle, phase="update", client_id=1))
+        viewer.panel.handles.grip.moved(SimpleNamespace(target=handle, phase="update", client_id=1))
         assert viewer.worker.settle(20)
         assert "handle: found position" in viewer.panel.verdict
         assert "\n" not in viewer.panel.verdict
