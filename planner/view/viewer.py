@@ -188,11 +188,10 @@ class Viewer(Served):
     def motions_changed(self) -> None:
         """Draw all that does not follow from the time alone."""
         self.paint()
-        player = self.panel.player
         self._time()
-        self.panel.plot(player.timeline)
+        self.panel.plot()
         self._say()
-        player.draw()
+        self.panel.player.draw()
 
     def left(self) -> None:
         """Drop what is being planned from the active motion."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,33 +26,15 @@ from tests.planner.view.in_browser import (
     plainly,
     press,
 )
-from tests.planner.view.in_page import drawn, grip, gripped, handled, seen
+from tests.planner.view.in_page import drawn, grip, gripped, handled, heard, seen
 from tests.waiting import until
 
 SPENT = re.compile(r"– \d+ attempt")  # ends what Plan says
 
 
-@pytest.fixture(scope="module")
-def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
-    found = plainly(scene, ("found", trajectory))
-    yield found
-    found.close()
-
-
-@pytest.fixture(scope="module")
-def kept(browser: Any, viewer: Viewer) -> Iterator[Tabs]:
-    """The page of the viewer that all tests share: the first pictures of each cost the processor seconds."""
-    tabs = Tabs(browser)
-    tabs(address(viewer))
-    yield tabs
-    tabs.close()
-
-
 @pytest.fixture
-def page(kept: Tabs) -> Iterator[Any]:
-    kept.pages[0].bring_to_front()  # a page behind another one's tab draws no pictures, and waits for them for ever
-    yield kept.pages[0]
-    assert not kept.complaints
+def viewer(watched: Viewer) -> Viewer:
+    return watched
 
 
 def time_field(page: Any) -> Any:
@@ -81,6 +62,7 @@ def test_a_second_tab_sees_the_same(tab: Tabs, page: Any, viewer: Viewer) -> Non
     set_time(other, 0.35)
     page.locator('[data-moment="0.350"]').wait_for()
     until(lambda: time_field(page).input_value() == "0.35", "the second slider stays where it was")
+    heard(other, viewer)  # or the server would look for a page that is gone
     other.close()  # in the middle of things
     viewer.show(0.7)
     page.locator('[data-moment="0.700"]').wait_for()

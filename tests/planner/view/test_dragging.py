@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
 from hdplan.planner.certificate.certifier import certify
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.things import GOAL, START, Thing, place_of
 from hdplan.planner.view.viewer import Viewer
-from hdplan.scenes.scene import Scene
 from tests.planner.view.in_browser import (
     Tabs,
     address,
     arrow_dragged,
     calm,
-    plainly,
     selected,
 )
 from tests.planner.view.in_page import grip, gripped, handled, look, seen
@@ -28,29 +24,9 @@ from tests.waiting import until
 BALL = Thing("obstacle", "ball")
 
 
-@pytest.fixture(scope="module")
-def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
-    found = plainly(scene, (NAME, trajectory))
-    yield found
-    found.close()
-
-
-@pytest.fixture(scope="module")
-def kept(browser: Any, viewer: Viewer) -> Iterator[Tabs]:
-    """The page that tests share: the first pictures of each cost the processor seconds."""
-    tabs = Tabs(browser)
-    in_sight(tabs(address(viewer)), viewer)
-    yield tabs
-    tabs.close()
-
-
 @pytest.fixture
-def page(kept: Tabs, viewer: Viewer) -> Iterator[Any]:
-    kept.pages[0].bring_to_front()
-    viewer.panel.editing.ask("reset")
-    calm(viewer)
-    yield kept.pages[0]
-    assert not kept.complaints
+def viewer(watched: Viewer) -> Viewer:
+    return watched
 
 
 def in_sight(page: Any, viewer: Viewer) -> Any:
@@ -62,7 +38,7 @@ def in_sight(page: Any, viewer: Viewer) -> Any:
 
 def test_the_certified_motion_follows_the_mouse(page: Any, viewer: Viewer) -> None:
     """While the button is still down: what the panel calls certified is so, in the scene as it is then."""
-    place = selected(page, viewer, BALL)
+    place = selected(in_sight(page, viewer), viewer, BALL)
     assert viewer.motions.active is not None
     first = viewer.motions.active.motion.trajectory
     tips = viewer.motions.active.motion.tip
@@ -86,7 +62,7 @@ def test_the_certified_motion_follows_the_mouse(page: Any, viewer: Viewer) -> No
 @pytest.mark.slow  # `test_handling` holds the law without a page
 def test_a_click_selects_and_the_handle_stands_upright(page: Any, viewer: Viewer) -> None:
     """Also after the goal was selected, whose handle is turned: an obstacle that is dragged 16 pixels stays upright."""
-    selected(page, viewer, GOAL)
+    selected(in_sight(page, viewer), viewer, GOAL)
     prism = next(node for node in viewer.stage.obstacles if node.obstacle.name == "prism")
     middle = np.asarray(prism.mesh.vertices).mean(axis=0) + prism.obstacle.pose.position
     page.mouse.click(*seen(page, middle))
@@ -107,7 +83,7 @@ def test_a_click_selects_and_the_handle_stands_upright(page: Any, viewer: Viewer
 
 @pytest.mark.slow
 def test_the_start_is_dragged_by_the_mouse(page: Any, viewer: Viewer) -> None:
-    place = selected(page, viewer, START)
+    place = selected(in_sight(page, viewer), viewer, START)
     before = viewer.edited.start
     arrow_dragged(page, viewer, place, -0.15 * place[:3, 0])
     until(lambda: bool(np.abs(viewer.edited.start - before).max() > 0.02), "the start stays where it was")

@@ -109,7 +109,7 @@ def test_limits_near_a_motion_are_drawn_beside_its_joints(opened: Opener, scene:
     near = np.stack([viewer.edited.start, robot.upper - 0.01])
     viewer.worker.ask("put", lambda: (viewer.document.put("near", Trajectory(robot.joint_names, near)), None)[1])
     assert viewer.worker.settle(20)
-    handle = viewer.panel._plots.joints.handle
+    handle = viewer.panel.plots.drawn.joints.handle
     assert "limits dotted" in handle.title
     drawn = [handle.data[i] for i, line in enumerate(handle.series) if line["label"] == ""]
     bounds = {float(np.unique(row).item()) for row in drawn}

@@ -44,15 +44,15 @@ def curve(plot: Plot, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def choose(viewer: Viewer, quantity: str) -> None:
-    plots = viewer.panel._plots
+    plots = viewer.panel.plots.drawn
     plots.quantity.value = quantity
-    by_worker(viewer, lambda: viewer.panel.plot(viewer.panel.player.timeline))
+    by_worker(viewer, lambda: viewer.panel.plot())
 
 
 def test_rates_are_the_motions_own_with_their_limits(opened: Opener, limited: Scene, timed: Trajectory) -> None:
     viewer = opened(limited, found=timed)
     by_worker(viewer, lambda: None)
-    plots = viewer.panel._plots
+    plots = viewer.panel.plots.drawn
     for quantity, limits in (("velocity", [1.0]), ("acceleration", [2.0, 3.0]), ("jerk", [40.0])):
         choose(viewer, quantity)
         assert plots.joints.handle.title.startswith(f"{quantity} of the joints")
@@ -72,9 +72,9 @@ def test_rates_are_the_motions_own_with_their_limits(opened: Opener, limited: Sc
 def test_a_path_without_times_has_no_rates(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
     viewer = opened(scene, found=trajectory)
     choose(viewer, "velocity")
-    assert ": none known" in viewer.panel._plots.joints.handle.title
+    assert ": none known" in viewer.panel.plots.drawn.joints.handle.title
     choose(viewer, "position")
-    _, values = curve(viewer.panel._plots.joints, "elbow")
+    _, values = curve(viewer.panel.plots.drawn.joints, "elbow")
     assert values.min() == pytest.approx(trajectory.positions[:, 1].min(), abs=1e-3)
 
 
@@ -88,7 +88,7 @@ def test_two_motions_are_compared_on_one_axis(opened: Opener, limited: Scene, ti
     )
     viewer = opened(limited, found=timed, slow=slow)
     choose(viewer, "position")
-    plots = viewer.panel._plots
+    plots = viewer.panel.plots.drawn
     assert slow.times is not None
     own, other = curve(plots.joints, "elbow"), curve(plots.joints, "elbow of slow")
     assert (own[0].max(), other[0].max()) == pytest.approx((timed.times[-1], slow.times[-1]))
@@ -99,11 +99,11 @@ def test_two_motions_are_compared_on_one_axis(opened: Opener, limited: Scene, ti
 
 def test_lanes_lie_one_below_another_and_values_stay_true(opened: Opener, limited: Scene, timed: Trajectory) -> None:
     viewer = opened(limited, found=timed)
-    joints = viewer.panel._plots.joints
+    joints = viewer.panel.plots.drawn.joints
     for quantity in ("position", "velocity"):
         choose(viewer, quantity)
         alone = {name: curve(joints, name)[1] for name in ("shoulder", "elbow")}
-        viewer.panel._plots.lanes.value = True
+        viewer.panel.plots.drawn.lanes.value = True
         choose(viewer, quantity)
         shares = []
         for lane, (name, values) in enumerate(alone.items()):
@@ -111,7 +111,7 @@ def test_lanes_lie_one_below_another_and_values_stay_true(opened: Opener, limite
             low, high = joints.handle.scales[f"lane{lane}"]["range"]
             shares.append(((values.min() - low) / (high - low), (values.max() - low) / (high - low)))
         assert 0.0 < shares[1][0] <= shares[1][1] < 0.5 < shares[0][0] <= shares[0][1] < 1.0
-        viewer.panel._plots.lanes.value = False
+        viewer.panel.plots.drawn.lanes.value = False
     choose(viewer, "velocity")
     assert set(joints.handle.scales) == {"x", "y"}
 
@@ -121,7 +121,7 @@ def test_markers_stand_at_the_closest_moment_and_at_stages(opened: Opener, limit
     staged = dataclasses.replace(timed, stages=(StageMark("reach", 0), StageMark("place", 20)))
     viewer = opened(limited, found=staged)
     by_worker(viewer, lambda: None)
-    plots = viewer.panel._plots
+    plots = viewer.panel.plots.drawn
     motion = viewer.motions.shown[0].motion
     place = int(np.minimum(motion.clearance, motion.self_clearance).argmin())
     times, values = curve(plots.clearance, "closest")
@@ -136,7 +136,7 @@ def test_all_plots_are_zoomed_together_and_a_click_stays_a_moment(
 ) -> None:
     viewer = opened(scene, found=trajectory)
     client: Any = SimpleNamespace(client_id=1)
-    page, plots = viewer.panel.page, viewer.panel._plots
+    page, plots = viewer.panel.page, viewer.panel.plots.drawn
     by_worker(viewer, lambda: None)
 
     def send(text: str) -> None:
@@ -163,7 +163,7 @@ def test_a_drag_in_a_plot_zooms_and_the_mouse_reads_values(tab: Tabs, served: Vi
     page.get_by_text("certified: at least").first.wait_for()
     calm(served)  # the plots have their curves, for which they are rebuilt
     drawn(page)
-    over, legend, plots = page.locator(".u-over").first, page.locator(".u-legend").first, served.panel._plots
+    over, legend, plots = page.locator(".u-over").first, page.locator(".u-legend").first, served.panel.plots.drawn
 
     def read() -> bool:
         over.scroll_into_view_if_needed()

@@ -38,7 +38,7 @@ def tell(viewer: Viewer, message: object) -> None:
 
 def curves(viewer: Viewer) -> list[str]:
     """The motions whose clearance is plotted."""
-    series = [str(line["label"]) for line in viewer.panel._plots.clearance.handle.series]
+    series = [str(line["label"]) for line in viewer.panel.plots.drawn.clearance.handle.series]
     return series[1:-5]
 
 
