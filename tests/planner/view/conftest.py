@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -16,8 +16,7 @@ from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Opener = Callable[..., Viewer]
+from tests.planner.view.events import Opener
 
 
 @pytest.fixture(scope="session")
@@ -56,6 +55,12 @@ def opened() -> Iterator[Opener]:
 
 
 @pytest.fixture
+def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
+    """A viewer of the scene with its motion."""
+    return opened(scene, found=trajectory)
+
+
+@pytest.fixture
 def served(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
     """A viewer for pages in a real browser; see `in_browser.plainly`."""
     from tests.planner.view.in_browser import plainly
@@ -90,7 +95,9 @@ def kept(browser: Any, watched: Viewer) -> Iterator[Any]:
 
     tabs = Tabs(browser)
     tabs(watched.address())
+    tabs.blank = browser.new_page()  # stands before the page where no test looks at it: it would draw on and on
     yield tabs
+    tabs.blank.close()
     tabs.close()
 
 
@@ -103,6 +110,7 @@ def page(kept: Any, watched: Viewer) -> Iterator[Any]:
     watched.panel.editing.ask("reset")
     calm(watched)
     yield kept.pages[0]
+    kept.blank.bring_to_front()
     assert not kept.complaints
 
 

@@ -11,7 +11,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
+from tests.planner.view.events import by_worker
 from tests.planner.view.in_page import drawn, grip, gripped, handled, seen
 from tests.waiting import until
 
@@ -72,6 +73,7 @@ class Tabs:
         self.browser = browser
         self.complaints: list[str] = []
         self.pages: list[Any] = []
+        self.blank: Any = None
 
     def __call__(self, address: str) -> Any:
         page = self.browser.new_page()
@@ -93,10 +95,6 @@ class Tabs:
         for page in self.pages:
             page.close()
         assert not self.complaints, self.complaints
-
-
-def address(viewer: Viewer) -> str:
-    return viewer.address()
 
 
 def picture(page: Any) -> NDArray[np.int64]:
@@ -163,11 +161,6 @@ def changed(image: NDArray[np.int64], before: NDArray[np.int64]) -> int:
 def press(page: Any, name: str) -> None:
     """Click a button, without the wait for pictures in which it stands still: a full processor draws few."""
     page.get_by_role("button", name=name, exact=True).dispatch_event("click")
-
-
-def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
-    viewer.worker.ask("test", lambda: (job(), None)[1])
-    assert viewer.worker.settle(PATIENCE / 1e3)
 
 
 def calm(viewer: Viewer) -> None:

@@ -16,16 +16,7 @@ from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.viewer import Viewer
 from hdplan.planner.view.words import OUTDATED
 from hdplan.scenes.scene import Scene
-from tests.planner.view.in_browser import (
-    SIZE,
-    Tabs,
-    address,
-    changed,
-    coloured,
-    picture,
-    plainly,
-    press,
-)
+from tests.planner.view.in_browser import SIZE, Tabs, changed, coloured, picture, plainly, press
 from tests.planner.view.in_page import drawn, grip, gripped, handled, heard, seen
 from tests.waiting import until
 
@@ -58,7 +49,7 @@ def test_the_page_shows_the_scene_and_the_slider_moves_the_robot(page: Any, view
 
 
 def test_a_second_tab_sees_the_same(tab: Tabs, page: Any, viewer: Viewer) -> None:
-    other = tab(address(viewer))
+    other = tab(viewer.address())
     set_time(other, 0.35)
     page.locator('[data-moment="0.350"]').wait_for()
     until(lambda: time_field(page).input_value() == "0.35", "the second slider stays where it was")
@@ -88,7 +79,7 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
     viewer = plainly(scene)
     viewer.panel.live.set(False)
     try:
-        page = tab(address(viewer))
+        page = tab(viewer.address())
         page.get_by_role("tab", name="Plan").click()
         press(page, "Plan")
         page.get_by_text(SPENT).wait_for()

@@ -20,31 +20,19 @@ from hdplan.planner.view import live
 from hdplan.planner.view.drawing.colors import CONTACT, intensities
 from hdplan.planner.view.layers import LAYERS
 from hdplan.planner.view.planning import NAME
-from hdplan.planner.view.things import GOAL, Thing, place_of
+from hdplan.planner.view.things import GOAL, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
-from tests.planner.view.in_browser import (
-    Tabs,
-    address,
-    arrow_dragged,
-    by_worker,
-    calm,
-    plainly,
-    press,
-    selected,
-    slow_line,
-    tab_of,
-    typed,
-)
+from tests.planner.view.events import BALL, by_worker, names
+from tests.planner.view.in_browser import Tabs, arrow_dragged, calm, plainly, press, selected, slow_line, tab_of, typed
 from tests.planner.view.in_page import look
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
-BALL = Thing("obstacle", "ball")
 EYE, TARGET = (0.4, -2.2, 2.6), (0.4, 0.3, 0.0)
 HOOK = shipped_scenes()["panda_vase"].parent / "hook.obj"
 Served = Callable[..., tuple[Any, Viewer]]
@@ -58,7 +46,7 @@ def served(tab: Tabs) -> Iterator[Served]:
     def served(scene: Scene, *motions: tuple[str, Trajectory], eye: Any = EYE, target: Any = TARGET) -> Any:
         viewer = plainly(scene, *motions)
         viewers.append(viewer)
-        page = tab(address(viewer))
+        page = tab(viewer.address())
         look(page, viewer, eye, target)
         return page, viewer
 
@@ -71,10 +59,6 @@ def certified_at(viewer: Viewer, goal: np.ndarray) -> bool:
     """Whether the active motion is certified and ends at a goal (n,)."""
     active = viewer.motions.active
     return active is not None and active.motion.certificate.certified and np.array_equal(active.motion.joints[-1], goal)
-
-
-def names(viewer: Viewer) -> list[str]:
-    return [obstacle.name for obstacle in viewer.scene.obstacles]
 
 
 def test_the_joints_are_jogged_and_go_to_states_and_back(served: Served, scene: Scene, trajectory: Trajectory) -> None:
@@ -273,7 +257,7 @@ def test_a_tab_is_closed_while_plan_runs(served: Served, tab: Tabs, scene: Scene
     press(page, "Plan")
     page.close()
     until(lambda: bool(viewer.motions.shown), "it plans no more")
-    tab(address(viewer)).get_by_text("certified: at least").first.wait_for()
+    tab(viewer.address()).get_by_text("certified: at least").first.wait_for()
 
 
 def test_many_obstacles_on_a_slow_line(tab: Tabs, scene: Scene, trajectory: Trajectory) -> None:
@@ -283,7 +267,7 @@ def test_many_obstacles_on_a_slow_line(tab: Tabs, scene: Scene, trajectory: Traj
     more = [Obstacle(f"box {i}", Box((0.03, 0.03, 0.03)), Pose(tuple(place))) for i, place in enumerate(places)]
     viewer = plainly(dataclasses.replace(scene, obstacles=(*scene.obstacles, *more)), (NAME, trajectory))
     with contextlib.closing(viewer), slow_line(viewer.port, delay=0.3, rate=2e6) as port:
-        page = tab(address(viewer).replace(f":{viewer.port}/", f":{port}/"))
+        page = tab(viewer.address().replace(f":{viewer.port}/", f":{port}/"))
         until(lambda: bool(viewer.server.get_clients()), "the page does not reach the server")
         look(page, viewer, EYE, TARGET)
         place = selected(page, viewer, BALL)

@@ -11,17 +11,10 @@ import pytest
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.view.things import GOAL, START, Thing, place_of
 from hdplan.planner.view.viewer import Viewer
-from tests.planner.view.in_browser import (
-    Tabs,
-    address,
-    arrow_dragged,
-    calm,
-    selected,
-)
+from tests.planner.view.events import BALL
+from tests.planner.view.in_browser import Tabs, arrow_dragged, calm, selected
 from tests.planner.view.in_page import grip, gripped, handled, look, seen
 from tests.waiting import until
-
-BALL = Thing("obstacle", "ball")
 
 
 @pytest.fixture
@@ -99,14 +92,14 @@ def test_the_start_is_dragged_by_the_mouse(page: Any, viewer: Viewer) -> None:
 @pytest.mark.slow
 def test_a_tab_that_is_closed_while_it_drags_lets_go(tab: Tabs, served: Viewer) -> None:
     """And another one says what holds."""
-    page, viewer = in_sight(tab(address(served)), served), served
+    page, viewer = in_sight(tab(served.address()), served), served
     place = selected(page, viewer, BALL)
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     until(lambda: viewer.panel.handles.dragging, "it is not dragged")
     page.close()
     until(lambda: not viewer.panel.handles.dragging, "it is still dragged by a page that is gone")
     calm(viewer)
-    other = tab(address(viewer))
+    other = tab(viewer.address())
     assert viewer.motions.active is not None
     other.get_by_text(
         certify(viewer.scene, viewer.motions.active.motion.trajectory, viewer.robot).text
@@ -116,7 +109,7 @@ def test_a_tab_that_is_closed_while_it_drags_lets_go(tab: Tabs, served: Viewer) 
 
 @pytest.mark.slow  # without a page `test_live` closes it
 def test_the_server_ends_while_it_plans(tab: Tabs, served: Viewer) -> None:
-    page, viewer = in_sight(tab(address(served)), served), served
+    page, viewer = in_sight(tab(served.address()), served), served
     place = selected(page, viewer, BALL)
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     viewer.close()

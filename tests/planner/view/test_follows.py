@@ -24,14 +24,8 @@ from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
+from tests.planner.view.events import Opener, by_worker
 from tests.waiting import until
-
-Opener = Callable[..., Viewer]
-
-
-@pytest.fixture
-def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
-    return opened(scene, found=trajectory)
 
 
 def test_the_robot_is_where_it_reports_itself(viewer: Viewer, trajectory: Trajectory) -> None:
@@ -73,8 +67,7 @@ def test_a_proof_says_nothing_of_a_report(viewer: Viewer) -> None:
 def test_a_report_grows_old(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reported, "STALE", 0.0)
     viewer.state([0.3, -0.7])
-    viewer.worker.ask("beat", viewer.pulse._beat)
-    assert viewer.worker.settle(20)
+    by_worker(viewer, viewer.pulse._beat)
     assert viewer.stage.report_label.text == "the robot itself, 0 s ago"
 
 
@@ -139,8 +132,7 @@ def test_a_plan_elsewhere_says_nothing_of_another_scene(opened: Opener, scene: S
 
     def run(seen: Callable[..., None], stop: Callable[[], bool]) -> Any:
         result = plan(scene, report=seen)
-        viewer.worker.ask("add", lambda: viewer.panel.obstacles.add("box"))
-        assert viewer.worker.settle(20)
+        by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
         return result
 
     result = viewer.panel.planning.follow(scene, run)

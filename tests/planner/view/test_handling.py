@@ -31,17 +31,11 @@ from hdplan.scenes.shapes import Points
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.scenes.yaml_format.writer import scene_text
-from tests.planner.view.events import heard
+from tests.planner.view.events import Opener, by_worker, heard
 from tests.waiting import PATIENCE, until
 
-Opener = Callable[..., Viewer]
 HOOK = shipped_scenes()["panda_vase"].parent / "hook.obj"
 LONG_AGO = -1e3  # [s]
-
-
-@pytest.fixture
-def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
-    return opened(scene, found=trajectory)
 
 
 def field(viewer: Viewer, label: str) -> Any:
@@ -55,11 +49,6 @@ def sent(viewer: Viewer, handle: Any, value: object, wait: bool = True) -> None:
     heard(handle, value)
     if wait:
         assert viewer.worker.settle(20)
-
-
-def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
-    viewer.worker.ask("test", lambda: (job(), None)[1])
-    assert viewer.worker.settle(20)
 
 
 def status(viewer: Viewer) -> str:
@@ -431,8 +420,7 @@ def test_files_that_cannot_be_opened_change_nothing(viewer: Viewer, trajectory: 
     before, motions = viewer.edited, list(viewer.motions.shown)
     for job, name, content, words in cases:
         given = SimpleNamespace(name=name, content=content)
-        viewer.panel.editing.do(lambda job=job, given=given: job(given))
-        assert viewer.worker.settle(20)
+        by_worker(viewer, lambda job=job, given=given: viewer.panel.editing.do(lambda: job(given)))
         assert words in status(viewer), name
         assert str(viewer.uploads.folder) not in status(viewer)
         assert "\n" not in status(viewer)

@@ -16,28 +16,16 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.gate import ALIVE, WATCH
 from hdplan.planner.view.page_script import ENDED, WATCHING
 from hdplan.planner.view.planning import NAME
-from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.planner.view.watch import seen
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
-from tests.planner.view.in_browser import (
-    Tabs,
-    address,
-    arrow_dragged,
-    by_worker,
-    calm,
-    entry,
-    plainly,
-    press,
-    selected,
-    tab_of,
-)
+from tests.planner.view.events import BALL, by_worker
+from tests.planner.view.in_browser import Tabs, arrow_dragged, calm, entry, plainly, press, selected, tab_of
 from tests.planner.view.in_page import heard, look
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
-BALL = Thing("obstacle", "ball")
 EYE, TARGET = (0.4, -2.2, 2.6), (0.4, 0.3, 0.0)
 
 
@@ -72,7 +60,7 @@ def says_the_truth(page: Any, viewer: Viewer) -> None:
 def test_an_obstacle_is_removed_during_its_drag(tab: Tabs, viewer: Viewer, tmp_path: Path, by: str) -> None:
     """By another tab, by the other hand at the keyboard, or from the file; the first keeps pulling, and lets go
     late."""
-    page, first = tab(address(viewer)), viewer.edited
+    page, first = tab(viewer.address()), viewer.edited
     dragging(page, viewer)
     if by == "z":
         page.keyboard.press("z")
@@ -85,7 +73,7 @@ def test_an_obstacle_is_removed_during_its_drag(tab: Tabs, viewer: Viewer, tmp_p
             file.write_text(re.sub(r".*name: ball.*\n", "", text))
             until(lambda: not is_there(viewer), "it is not opened")
     else:
-        other = tab(address(viewer))
+        other = tab(viewer.address())
         other.bring_to_front()
         tab_of(other, "Scene")
         press(other, "delete")
@@ -123,7 +111,7 @@ def test_a_watching_browser_cannot_press_buttons(tab: Tabs, viewer: Viewer) -> N
 
 
 def test_a_server_that_has_ended_is_reported(tab: Tabs, viewer: Viewer) -> None:
-    page = tab(address(viewer))
+    page = tab(viewer.address())
     color: Callable[[], Any] = lambda: page.evaluate("getComputedStyle(document.documentElement, '::after').content")  # noqa: E731
     for _ in range(2):  # the page has found that it is there
         with page.expect_response(lambda answer: answer.url.endswith(ALIVE)):
@@ -134,7 +122,7 @@ def test_a_server_that_has_ended_is_reported(tab: Tabs, viewer: Viewer) -> None:
 
 
 def test_an_exponent_makes_no_other_number(tab: Tabs, viewer: Viewer) -> None:
-    page = tab(address(viewer))
+    page = tab(viewer.address())
     tab_of(page, "Plan")
     field = entry(page, viewer, "waypoints")
     field.click()
@@ -146,7 +134,7 @@ def test_an_exponent_makes_no_other_number(tab: Tabs, viewer: Viewer) -> None:
 
 
 def test_a_refused_value_leaves_its_field(tab: Tabs, viewer: Viewer) -> None:
-    page = tab(address(viewer))
+    page = tab(viewer.address())
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
     tab_of(page, "Scene")
     field = entry(page, viewer, "clearance [m]")

@@ -14,28 +14,18 @@ import pytest
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.planning import NAME
-from hdplan.planner.view.things import Thing, place_of
+from hdplan.planner.view.things import place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
-from tests.planner.view.in_browser import (
-    Tabs,
-    address,
-    arrow_dragged,
-    by_worker,
-    calm,
-    plainly,
-    press,
-    selected,
-    tab_of,
-)
+from tests.planner.view.events import BALL, by_worker, names
+from tests.planner.view.in_browser import Tabs, arrow_dragged, calm, plainly, press, selected, tab_of
 from tests.planner.view.in_page import handled, look, seen
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
-BALL = Thing("obstacle", "ball")
 EYE, TARGET = (0.4, -2.2, 2.6), (0.4, 0.3, 0.0)
 COMES_IN = """(address) => new Promise((resolve) => {
   const socket = new WebSocket(address.replace(/^http/, 'ws').replace(/[/]([?]|$)/, '$1'), 'viser-vVERSION');
@@ -56,14 +46,10 @@ def line(page: Any, text: str) -> Any:
     return page.locator(".hd-row").filter(has_text=text).first
 
 
-def names(viewer: Viewer) -> list[str]:
-    return [obstacle.name for obstacle in viewer.scene.obstacles]
-
-
 def test_two_points_are_measured(tab: Tabs, viewer: Viewer) -> None:
     """A click on the ball's side towards the eye, and one on the same spot: no way between them; and nothing is
     selected."""
-    page = tab(address(viewer))
+    page = tab(viewer.address())
     look(page, viewer, EYE, TARGET)
     tab_of(page, "Scene")
     switch, measuring = page.get_by_label("measure", exact=True), viewer.panel.measuring
@@ -87,7 +73,7 @@ def test_a_handle_behind_another_body_is_gripped(tab: Tabs, viewer: Viewer) -> N
     before = Pose(tuple((0.7 * middle + 0.3 * np.array(EYE)).tolist()))
     wall = Obstacle("wall", Box((0.5, 0.5, 0.02)), before)
     by_worker(viewer, lambda: viewer.document.change(viewer.edited.changed(obstacles=(*viewer.scene.obstacles, wall))))
-    page = tab(address(viewer))
+    page = tab(viewer.address())
     look(page, viewer, EYE, TARGET)
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
     handled(page, viewer)
@@ -99,7 +85,7 @@ def test_a_handle_behind_another_body_is_gripped(tab: Tabs, viewer: Viewer) -> N
 
 @pytest.mark.parametrize("by", ["mouse", "keyboard"])
 def test_obstacles_are_hidden_locked_duplicated_and_deleted(tab: Tabs, viewer: Viewer, by: str) -> None:
-    page = tab(address(viewer))
+    page = tab(viewer.address())
     tab_of(page, "Scene")
 
     def use(word: str) -> None:
@@ -132,7 +118,7 @@ def test_obstacles_are_hidden_locked_duplicated_and_deleted(tab: Tabs, viewer: V
 
 def test_a_chosen_motion_stays_while_another_is_planned_live(tab: Tabs, viewer: Viewer) -> None:
     """The one that is chosen while the mouse is down is neither replaced nor lost; undo brings all back."""
-    page = tab(address(viewer))
+    page = tab(viewer.address())
     look(page, viewer, EYE, TARGET)
     before = [shown.motion.trajectory for shown in viewer.motions.shown]
     place = selected(page, viewer, BALL)
@@ -162,8 +148,8 @@ def test_a_page_of_another_site_does_not_come_in(tab: Tabs, viewer: Viewer, scen
     script = COMES_IN.replace("VERSION", viser.__version__)
     other = plainly(dataclasses.replace(scene, name="another"))
     with contextlib.closing(other):
-        page = tab(address(other))
-        assert page.evaluate(script, address(other))
-        assert not page.evaluate(script, address(viewer))
+        page = tab(other.address())
+        assert page.evaluate(script, other.address())
+        assert not page.evaluate(script, viewer.address())
         assert not viewer.server.get_clients()
         page.goto("about:blank")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +19,12 @@ from hdplan.planner.view import live as module
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.history import History
 from hdplan.planner.view.planning import NAME
-from hdplan.planner.view.things import GOAL, START, Thing, dragged, place_of, things
+from hdplan.planner.view.things import GOAL, START, dragged, place_of, things
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Opener = Callable[..., Viewer]
-BALL = Thing("obstacle", "ball")
+from tests.planner.view.events import BALL, Opener, by_worker, settled
 
 
 @pytest.fixture
@@ -35,16 +32,6 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
     viewer = opened(scene, live=True, planned=trajectory)
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
     return viewer
-
-
-def by_worker(viewer: Viewer, job: Callable[[], Any]) -> None:
-    viewer.worker.ask("test", job)
-    assert viewer.worker.settle(20)
-
-
-def settled(viewer: Viewer) -> None:
-    assert viewer.panel.live.settle(20)
-    assert viewer.worker.settle(20)
 
 
 def in_the_way(viewer: Viewer) -> Pose:
@@ -189,12 +176,13 @@ def test_without_a_motion_yet_the_first_drag_plans_one(opened: Opener, scene: Sc
 
 
 def test_closing_while_it_plans_ends_its_thread(opened: Opener, scene: Scene) -> None:
+    others = threading.enumerate()
     viewer = opened(scene, live=True)
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
     place = place_of(viewer.edited, BALL, viewer.stage.tip)
     viewer.worker.ask("drag", lambda: viewer.panel.handles.drag(place))
     viewer.close()
-    assert not [thread for thread in threading.enumerate() if thread.name == "hdplan-live"]
+    assert not [each for each in threading.enumerate() if each.name == "hdplan-live" and each not in others]
 
 
 # --- ends -------------------------------------------------------------------------------------------------------------

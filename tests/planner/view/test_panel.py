@@ -3,7 +3,6 @@ about, new shapes stand on the eye's side, and long names take no room."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,11 +23,8 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
-from tests.planner.view.events import heard
+from tests.planner.view.events import BALL, Opener, by_worker, field_of, tell, typed
 from tests.waiting import until
-
-Opener = Callable[..., Viewer]
-BALL = Thing("obstacle", "ball")
 
 
 @pytest.fixture
@@ -38,24 +34,12 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
     return viewer
 
 
-def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
-    viewer.worker.ask("test", lambda: (job(), None)[1])
-    assert viewer.worker.settle(20)
-
-
-def typed(viewer: Viewer, field: str, value: object) -> Any:
-    handle = next(each for each, name, _ in viewer.panel.obstacles._fields._fields if name == field)
-    heard(handle, value)
-    assert viewer.worker.settle(20)
-    return handle
-
-
 @pytest.mark.parametrize(("field", "value"), [("clearance", "a lot"), ("name", "prism"), ("radius", -1.0)])
 def test_a_value_that_was_refused_leaves_its_field(viewer: Viewer, field: str, value: object) -> None:
     """Not at once, as somebody may still be typing."""
-    handle = next(each for each, name, _ in viewer.panel.obstacles._fields._fields if name == field)
+    handle = field_of(viewer.panel.obstacles._fields, field)
     before = handle.value
-    typed(viewer, field, value)
+    typed(viewer, viewer.panel.obstacles._fields, field, value)
     assert "not done: " in viewer.panel.editing.text
     assert handle.value == value
     until(lambda: handle.value == before, "the value of before is back")
@@ -64,8 +48,7 @@ def test_a_value_that_was_refused_leaves_its_field(viewer: Viewer, field: str, v
 
 def test_an_exponent_is_refused_in_words(viewer: Viewer) -> None:
     before = viewer.edited
-    viewer.panel.page._handlers["exponent"](None, {"do": "exponent"})
-    assert viewer.worker.settle(20)
+    tell(viewer, do="exponent")
     assert "without an exponent" in viewer.panel.editing.text
     assert viewer.edited is before
 
@@ -159,8 +142,7 @@ def test_start_and_goal_have_their_names_also_where_the_robot_stands(viewer: Vie
         assert [label.visible for label in stage.labels] == [True, True]
     by_worker(viewer, lambda: viewer.panel.handles.select(START))
     assert [label.visible for label in stage.labels] == [False, True]
-    viewer.panel.layers.set("start and goal", on=False)
-    assert viewer.worker.settle(20)
+    by_worker(viewer, lambda: viewer.panel.layers.set("start and goal", on=False))
     assert not any(label.visible for label in stage.labels)
 
 

@@ -4,9 +4,6 @@ timeline, and a page's drag decides which."""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,12 +14,10 @@ from hdplan.planner.view.drawing.plot import Plot
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.scene import Scene
-from tests.planner.view.events import heard
-from tests.planner.view.in_browser import Tabs, address, by_worker, calm
+from tests.planner.view.events import Opener, by_worker, tell
+from tests.planner.view.in_browser import Tabs, calm
 from tests.planner.view.in_page import drawn
 from tests.waiting import until
-
-Opener = Callable[..., Viewer]
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +64,7 @@ def test_rates_are_the_motions_own_with_their_limits(opened: Opener, limited: Sc
     assert plots.joints.handle.title.startswith("torque of the joints [N m]: none known")
 
 
-def test_a_path_without_times_has_no_rates(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
-    viewer = opened(scene, found=trajectory)
+def test_a_path_without_times_has_no_rates(viewer: Viewer, trajectory: Trajectory) -> None:
     choose(viewer, "velocity")
     assert ": none known" in viewer.panel.plots.drawn.joints.handle.title
     choose(viewer, "position")
@@ -131,35 +125,26 @@ def test_markers_stand_at_the_closest_moment_and_at_stages(opened: Opener, limit
     np.testing.assert_allclose(np.unique(times), timed.times[[0, 20]])
 
 
-def test_all_plots_are_zoomed_together_and_a_click_stays_a_moment(
-    opened: Opener, scene: Scene, trajectory: Trajectory
-) -> None:
-    viewer = opened(scene, found=trajectory)
-    client: Any = SimpleNamespace(client_id=1)
-    page, plots = viewer.panel.page, viewer.panel.plots.drawn
+def test_all_plots_are_zoomed_together_and_a_click_stays_a_moment(viewer: Viewer) -> None:
+    plots = viewer.panel.plots.drawn
     by_worker(viewer, lambda: None)
-
-    def send(text: str) -> None:
-        heard(page._field, text, client)
-        assert viewer.worker.settle(20)
-
-    send('{"do": "zoom", "from": 0.8, "to": 0.4}')
+    tell(viewer, '{"do": "zoom", "from": 0.8, "to": 0.4}')
     assert plots.view == pytest.approx((0.4, 0.8))
     ranges = [plot.handle.scales["x"]["range"] for plot in (plots.clearance, plots.joints)]
     np.testing.assert_allclose(ranges, [(0.4, 0.8)] * 2)
-    send('{"do": "seek", "share": 0.5}')
+    tell(viewer, '{"do": "seek", "share": 0.5}')
     assert viewer.panel.player.time == pytest.approx(0.6)
     assert plots.view == pytest.approx((0.4, 0.8))  # the bar moves, and the part stays
     for wrong in ('{"do": "zoom", "from": "x", "to": 1}', '{"do": "zoom"}', '{"do": "zoom", "from": 1e999, "to": 0}'):
-        send(wrong)
+        tell(viewer, wrong)
         assert plots.view == pytest.approx((0.4, 0.8))
-    send('{"do": "zoom", "from": 0, "to": 0}')
+    tell(viewer, '{"do": "zoom", "from": 0, "to": 0}')
     assert plots.view == (0.0, 1.0)
 
 
 @pytest.mark.slow
 def test_a_drag_in_a_plot_zooms_and_the_mouse_reads_values(tab: Tabs, served: Viewer) -> None:
-    page = tab(address(served))
+    page = tab(served.address())
     page.get_by_text("certified: at least").first.wait_for()
     calm(served)  # the plots have their curves, for which they are rebuilt
     drawn(page)

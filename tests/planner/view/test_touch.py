@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from hdplan.planner.view.page_script import LOW, SHEET, WIDTH
-from hdplan.planner.view.things import Thing, place_of
+from hdplan.planner.view.things import place_of
 from hdplan.planner.view.viewer import Viewer
+from tests.planner.view.events import BALL
 from tests.planner.view.in_browser import SIZE, calm, selected
 from tests.planner.view.in_page import HOLDS, grip, look, seen, wait_for
 from tests.waiting import until
 
 NARROW = {"width": 420, "height": 640}
-BALL = Thing("obstacle", "ball")
 
 
 @pytest.fixture

@@ -4,9 +4,6 @@ as it was; of turns in numbers, of snapping, and of the layers that mark things.
 from __future__ import annotations
 
 import dataclasses
-import json
-from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -25,25 +22,11 @@ from hdplan.planner.view.uploads import Uploads
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, read_obstacles, shipped_scenes
 from hdplan.scenes.yaml_format.writer import obstacle_text
-from tests.planner.view.events import heard
-from tests.planner.view.in_browser import Tabs, address, by_worker, calm
+from tests.planner.view.events import BALL, by_worker, tell
+from tests.planner.view.in_browser import Tabs, calm
 from tests.waiting import until
-
-Opener = Callable[..., Viewer]
-BALL = Thing("obstacle", "ball")
-
-
-@pytest.fixture
-def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
-    return opened(scene, found=trajectory)
-
-
-def tell(viewer: Viewer, **message: object) -> None:
-    heard(viewer.panel.page._field, json.dumps(message), SimpleNamespace(client_id=1))
-    assert viewer.worker.settle(20)
 
 
 def ball_of(viewer: Viewer) -> Any:
@@ -141,8 +124,7 @@ def test_a_paste_is_a_step_and_takes_other_names(viewer: Viewer) -> None:
         assert "hdplan-view-" not in viewer.panel.editing.text
         assert [each.name for each in viewer.scene.obstacles] == names
     for _ in range(2):
-        viewer.panel.editing.ask("undo")
-        assert viewer.worker.settle(20)
+        by_worker(viewer, lambda: viewer.panel.editing.ask("undo"))
     assert viewer.edited is first
 
 
@@ -197,7 +179,7 @@ def test_marks_are_the_motions_and_the_obstacles_own(viewer: Viewer, trajectory:
 
 @pytest.mark.slow
 def test_the_keyboard_copies_pastes_duplicates_and_deletes(tab: Tabs, served: Viewer) -> None:
-    page = tab(address(served))
+    page = tab(served.address())
 
     def names() -> list[str]:
         return [each.name for each in served.scene.obstacles]

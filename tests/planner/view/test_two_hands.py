@@ -12,13 +12,11 @@ import pytest
 
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.view.things import START, Thing, place_of, things
+from hdplan.planner.view.things import START, place_of, things
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
-from tests.planner.view.events import heard
+from tests.planner.view.events import BALL, PRISM, Opener, by_worker, field_of, heard, names
 
-Opener = Callable[..., Viewer]
-BALL, PRISM = Thing("obstacle", "ball"), Thing("obstacle", "prism")
 SAYS_CERTIFIED = "certified: at least"
 
 
@@ -27,11 +25,6 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
     viewer = opened(scene, planned=trajectory)
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
     return viewer
-
-
-def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
-    viewer.worker.ask("test", lambda: (job(), None)[1])
-    assert viewer.worker.settle(20)
 
 
 def pulled(viewer: Viewer, handle: Any, way: tuple[float, float, float]) -> None:
@@ -54,17 +47,12 @@ def assert_true(viewer: Viewer) -> None:
         assert SAYS_CERTIFIED not in viewer.panel.verdict
 
 
-def names(viewer: Viewer) -> list[str]:
-    return [obstacle.name for obstacle in viewer.scene.obstacles]
-
-
 def test_a_deleted_obstacle_is_neither_selected_nor_dragged(viewer: Viewer) -> None:
     handle = viewer.panel.handles.grip.node
     pulled(viewer, handle, (-0.02, 0.0, 0.0))
     assert viewer.panel.handles.dragging
     before = names(viewer)
-    viewer.panel.editing.do(viewer.panel.obstacles.delete)
-    assert viewer.worker.settle(20)
+    by_worker(viewer, lambda: viewer.panel.editing.do(viewer.panel.obstacles.delete))
     assert names(viewer) == [name for name in before if name != "ball"]
     assert viewer.panel.handles.selected is None
     assert not viewer.panel.handles.dragging
@@ -83,8 +71,7 @@ def test_an_added_obstacle_can_be_undone_during_its_drag(viewer: Viewer) -> None
     handle = viewer.panel.handles.grip.node
     pulled(viewer, handle, (0.01, 0.0, 0.0))
     for _ in range(2):  # of the movement, and of the addition
-        viewer.panel.editing.ask("undo")
-        assert viewer.worker.settle(20)
+        by_worker(viewer, lambda: viewer.panel.editing.ask("undo"))
     assert viewer.scene is first
     assert viewer.panel.handles.selected is None
     pulled(viewer, handle, (0.01, 0.0, 0.0))
@@ -119,8 +106,7 @@ def test_an_undo_in_the_midst_of_a_drag_loses_nothing(viewer: Viewer) -> None:
     handle = viewer.panel.handles.grip.node
     pulled(viewer, handle, (-0.01, 0.0, 0.0))
     moved = viewer.edited
-    viewer.panel.editing.ask("undo")
-    assert viewer.worker.settle(20)
+    by_worker(viewer, lambda: viewer.panel.editing.ask("undo"))
     assert viewer.edited is first
     pulled(viewer, handle, (-0.02, 0.0, 0.0))  # by the hand that has not let go yet
     assert viewer.edited is first
@@ -135,8 +121,7 @@ def test_an_edit_by_another_hand_leaves_the_thing_in_this_one(viewer: Viewer) ->
     handle = viewer.panel.handles.grip.node
     pulled(viewer, handle, (-0.01, 0.0, 0.0))
     moved = viewer.edited
-    viewer.panel.editing.do(lambda: viewer.panel.editing.apply("add", lambda edited: edited.changed(name="other")))
-    assert viewer.worker.settle(20)
+    by_worker(viewer, lambda: viewer.panel.editing.apply("add", lambda edited: edited.changed(name="other")))
     other = viewer.edited
     pulled(viewer, handle, (-0.01, 0.0, 0.0))
     assert viewer.panel.handles.dragging
@@ -162,7 +147,7 @@ def test_a_handle_that_another_one_replaced_moves_nothing(viewer: Viewer) -> Non
 def test_what_was_typed_for_one_thing_does_not_change_another(viewer: Viewer) -> None:
     """Though that was selected before the worker came to it."""
     panel, before = viewer.panel, viewer.scene
-    handle = next(field for field, name, _ in panel.obstacles._fields._fields if name == "clearance")
+    handle = field_of(panel.obstacles._fields, "clearance")
 
     def busy() -> None:
         heard(handle, "0.007")

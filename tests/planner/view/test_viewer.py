@@ -8,7 +8,6 @@ import json
 import math
 import socket
 import time
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -38,20 +37,9 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Sphere
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.planner.view.events import Opener, by_worker, straight
 from tests.threads import together
 from tests.waiting import until
-
-Opener = Callable[..., Viewer]
-
-
-@pytest.fixture
-def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
-    return opened(scene, found=trajectory)
-
-
-def by_worker(viewer: Viewer, job: Callable[[], None]) -> None:
-    viewer.worker.ask("test", job)
-    assert viewer.worker.settle(20)
 
 
 def planned(viewer: Viewer) -> None:
@@ -195,8 +183,7 @@ def test_an_obstacle_fades_as_it_moves_between_the_eye_and_the_robot(opened: Ope
 def test_layers_come_and_go(viewer: Viewer) -> None:
     viewer.show(0.4)
     for name in ("outer bodies", "collision meshes"):
-        viewer.panel.layers.set(name, True)
-        viewer.worker.settle(20)
+        by_worker(viewer, lambda name=name: viewer.panel.layers.set(name, True))
         nodes = viewer.panel.layers.bodies[name]
         assert nodes.visible
         assert_posed(nodes, viewer.configuration)
@@ -305,7 +292,7 @@ def test_an_obstacle_dragged_onto_the_goal_is_reported_in_place_and_refused(view
 
 
 def test_several_motions_stand_side_by_side(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
-    line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
+    line = straight(trajectory)
     viewer = opened(scene, found=trajectory, line=line)
     assert [shown.motion.name for shown in viewer.motions.shown] == ["found", "line"]
     assert [shown.motion.certificate.certified for shown in viewer.motions.shown] == [True, False]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +17,9 @@ from hdplan.planner.view.watch import Seen, Source, Watch, seen, seen_meshes
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
+from tests.planner.view.events import Opener, by_worker
 from tests.waiting import until
 
-Opener = Callable[..., Viewer]
 HOOK = shipped_scenes()["panda_vase"].parent / "hook.obj"
 HOOKED = "  - {name: hook, shape: {type: mesh, file: hook.obj}, pose: {position: [0, -3, 0]}}\n"
 
@@ -50,8 +50,7 @@ def viewer(opened: Opener, files: tuple[Path, Path], trajectory: Trajectory) -> 
 def says_the_truth(viewer: Viewer, file: Path) -> None:
     """The verdict on the motion is the one that holds in the file's scene."""
     assert viewer.worker.settle(20)
-    viewer.worker.ask("measure", viewer.document.measure)
-    assert viewer.worker.settle(20)
+    by_worker(viewer, viewer.document.measure)
     assert viewer.motions.active is not None
     motion = viewer.motions.active.motion
     assert motion.scene is viewer.scene
@@ -78,8 +77,7 @@ def test_a_scene_is_followed_whole_or_not_at_all(viewer: Viewer, files: tuple[Pa
         files[0].write_text(wrong)
         until(lambda words=words: "not done: " in editing.text and words in editing.text, "the panel has no message")
         assert viewer.edited is shown
-        viewer.worker.ask("clear", lambda: editing.say(""))
-        assert viewer.worker.settle(20)
+        by_worker(viewer, lambda: editing.say(""))
     files[0].unlink()
     files[0].with_suffix(".new").write_text(text)
     files[0].with_suffix(".new").rename(files[0])
