@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import typing
 from collections.abc import Iterator
 from typing import Any
 
@@ -27,6 +29,14 @@ def scene() -> Scene:
 @pytest.fixture(scope="session")
 def trajectory(scene: Scene) -> Trajectory:
     return plan(scene).trajectory
+
+
+@pytest.fixture(scope="session", autouse=True)
+def types_are_read_once() -> Iterator[None]:
+    """viser reads the types of attributes anew for every handle."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("viser._assignable_props_api.get_type_hints", functools.cache(typing.get_type_hints))
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -113,7 +113,7 @@ def test_what_a_browser_may_send_is_taken_whole_or_refused_in_a_line(viewer: Vie
     by_worker(viewer, lambda: viewer.panel.obstacles.add("points"))
     by_worker(viewer, lambda: viewer.panel.obstacles.add("capsule"))
     refused, taken, earlier = 0, 0, [viewer.edited]
-    for _ in range(150):
+    for _ in range(100):
         if rng.random() < 0.2:
             thing = things(viewer.edited)[rng.integers(len(things(viewer.edited)))]
             by_worker(viewer, lambda thing=thing: viewer.panel.handles.select(thing))

@@ -93,10 +93,10 @@ def test_the_closest_moment_is_the_closest(viewer: Viewer) -> None:
         assert here == pytest.approx(least, abs=1e-4)  # the slider has steps
 
 
-@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
-def test_a_click_in_a_plot_goes_to_that_moment(viewer: Viewer, share: float) -> None:
-    tell(viewer, do="seek", share=share)
-    assert viewer.panel.player.time == pytest.approx(share, abs=1e-3)
+def test_a_click_in_a_plot_goes_to_that_moment(viewer: Viewer) -> None:
+    for share in (0.25, 1.0, 0.0):
+        tell(viewer, do="seek", share=share)
+        assert viewer.panel.player.time == pytest.approx(share, abs=1e-3)
 
 
 def test_invalid_messages_of_a_page_change_nothing(viewer: Viewer) -> None:

@@ -403,7 +403,7 @@ def test_verdicts_stay_true_in_any_order_of_drags_plans_and_saves(
     still = dataclasses.replace(drifting, obstacles=drifting.obstacles[:1], timing=None)
     statuses: list[str] = []
     moving = dataclasses.replace(drifting, obstacles=drifting.obstacles[1:])
-    for scene, limit in ((still, 6), (moving, 2)):
+    for scene, limit in ((still, 4), (moving, 2)):
         viewer = opened(scene, found=timed)
         planned(viewer)
         handles = viewer.panel.handles
