@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.grip import Grip
-from hdplan.planner.view.things import Thing, dragged, obstacle_of, place_of, things, turns
+from hdplan.planner.view.things import Thing, dragged, place_of, things, turns
 from hdplan.planner.view.words import small
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.poses import Pose
@@ -150,7 +150,7 @@ class Handles:
             self.grip.put(None)
             self._say("")
         else:
-            if thing.kind == "obstacle" and obstacle_of(viewer.edited, thing).motion is not None:
+            if thing.kind == "obstacle" and viewer.edited.obstacle(thing.name).motion is not None:
                 viewer.panel.player.go_to(viewer.panel.player.timeline.begin)
                 self._say("the handle is at its pose at 0 s; its motion stays")
             self.grip.put(place_of(viewer.edited, thing, viewer.stage.tip), turns(viewer.edited, thing))

@@ -8,6 +8,7 @@ import numpy as np
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.labels import Label
+from hdplan.planner.view.drawing.motion import few_of
 from hdplan.planner.view.drawing.nodes import LinkNode, ObstacleNode
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.looking import SPARSE
@@ -17,8 +18,6 @@ from hdplan.scenes.poses import Pose
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
-
-POSTURES = 7  # of the robot along a motion
 
 
 class InView:
@@ -75,8 +74,3 @@ class InView:
     def words(self) -> tuple[Label, ...]:
         """Return the labels that are not to lie over each other."""
         return self._viewer.stage.words
-
-
-def few_of(joints: Array) -> Array:
-    """Return configurations at equal steps along those of a motion (K, n)."""
-    return np.asarray(joints[np.linspace(0, len(joints) - 1, POSTURES).astype(int)])

@@ -19,12 +19,12 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.ground import ground_of
 from hdplan.planner.view.drawing.labels import Label
+from hdplan.planner.view.drawing.motion import few_of
 from hdplan.planner.view.drawing.nodes import ObstacleNode
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited_job import EditedJob
 from hdplan.planner.view.gate import Gate, Served
 from hdplan.planner.view.history import History
-from hdplan.planner.view.in_view import few_of
 from hdplan.planner.view.job_handles import JobHandles
 from hdplan.planner.view.job_layers import JobLayers
 from hdplan.planner.view.job_planning import JobPlanning, Run

@@ -13,7 +13,7 @@ from hdplan.planner.view.edit_steps import Editing, Fields, number_in, numbers_i
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.page_script import LONGEST_TEXT
-from hdplan.planner.view.things import Thing, obstacle_of
+from hdplan.planner.view.things import Thing
 from hdplan.planner.view.uploads import MESHES
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
@@ -125,14 +125,14 @@ class ObstacleFields:
     def text(self) -> str:
         """The selected obstacles as a scene writes them; "" if none is."""
         edited, names = self._viewer.edited, self._handles.obstacles
-        return "".join(obstacle_text(obstacle_of(edited, Thing("obstacle", name))) for name in names)
+        return "".join(obstacle_text(edited.obstacle(name)) for name in names)
 
     @property
     def _selected(self) -> Obstacle:
         thing = self._handles.selected
         if thing is None or thing.kind != "obstacle":
             raise InputError(NO_CHOICE)
-        return obstacle_of(self._viewer.edited, thing)
+        return self._viewer.edited.obstacle(thing.name)
 
     @property
     def _names(self) -> tuple[str, ...]:

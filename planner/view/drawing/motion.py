@@ -26,6 +26,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
 
 SAMPLES = 101  # at least, over the whole motion; of up to twice as many waypoints each is among them
+POSTURES = 7  # of the robot along a motion, for a camera
 TIP = 0.01  # [m] depth of the part of the last link whose middle is its tip
 
 
@@ -133,6 +134,11 @@ class Tip:
             pin.forwardKinematics(self.robot.model, data, q)
             points[row] = data.oMi[self.joint].act(self.offset)
         return points
+
+
+def few_of(joints: Array) -> Array:
+    """Return configurations (POSTURES, n) at equal steps along those of a motion (K, n)."""
+    return np.asarray(joints[np.linspace(0, len(joints) - 1, POSTURES).astype(int)])
 
 
 def millimetres(distance: float) -> str:

@@ -10,8 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 
+from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.edit_steps import Fields
+from hdplan.planner.view.motions import Shown
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from tests.waiting import PATIENCE
@@ -60,6 +62,17 @@ def typed(viewer: Viewer, fields: Fields, name: str, value: object) -> Any:
     heard(handle, value)
     assert viewer.worker.settle(20)
     return handle
+
+
+def active_of(viewer: Viewer) -> Shown:
+    """The active motion."""
+    assert viewer.motions.active is not None
+    return viewer.motions.active
+
+
+def verdict_on(viewer: Viewer) -> str:
+    """The certifier's words on the active motion in the scene as it is now."""
+    return certify(viewer.scene, active_of(viewer).motion.trajectory, viewer.robot).text
 
 
 def names(viewer: Viewer) -> list[str]:

@@ -24,7 +24,7 @@ from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
-from tests.planner.view.events import by_worker
+from tests.planner.view.events import by_worker, verdict_on
 from tests.planner.view.in_page import drawn, grip, gripped, handled, seen
 from tests.waiting import until
 
@@ -173,6 +173,17 @@ def selected(page: Any, viewer: Viewer, thing: Thing) -> NDArray[np.float64]:
     by_worker(viewer, lambda: viewer.panel.handles.select(thing))
     handled(page, viewer)
     return place_of(viewer.edited, thing, viewer.stage.tip).matrix
+
+
+def let_go(page: Any, viewer: Viewer) -> None:
+    """Release the mouse's button, and wait until nothing is dragged any more."""
+    page.mouse.up()
+    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+
+
+def says_the_truth(page: Any, viewer: Viewer) -> None:
+    """Wait until the page says of the active motion what holds in the scene as it is now."""
+    page.get_by_text(verdict_on(viewer)).first.wait_for()
 
 
 def tab_of(page: Any, name: str) -> None:

@@ -16,6 +16,7 @@ from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.viewer import Viewer
 from hdplan.planner.view.words import OUTDATED
 from hdplan.scenes.scene import Scene
+from tests.planner.view.events import active_of
 from tests.planner.view.in_browser import SIZE, Tabs, changed, coloured, picture, plainly, press
 from tests.planner.view.in_page import drawn, grip, gripped, handled, heard, seen
 from tests.waiting import until
@@ -64,13 +65,12 @@ def test_plan_works(page: Any, viewer: Viewer) -> None:
     press(page, "Plan")
     page.get_by_text(SPENT).wait_for()
     assert "certified: at least" in page.get_by_text(SPENT).inner_text()
-    assert viewer.motions.active is not None
-    assert viewer.motions.active.motion.name == NAME
+    assert active_of(viewer).motion.name == NAME
     page.get_by_role("tab", name="Scene").click()
     with page.expect_download() as download:
         press(page, "Save motion")
     found = Trajectory.load(_named(download.value, "motion.json"))
-    np.testing.assert_array_equal(found.positions, viewer.motions.active.motion.trajectory.positions)
+    np.testing.assert_array_equal(found.positions, active_of(viewer).motion.trajectory.positions)
 
 
 @pytest.mark.slow  # without a page `test_viewer` drags it
@@ -84,10 +84,9 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
         press(page, "Plan")
         page.get_by_text(SPENT).wait_for()
         page.get_by_role("tab", name="Scene").click()
-        assert viewer.motions.active is not None
         index = next(i for i, obstacle in enumerate(scene.obstacles) if obstacle.name == "ball")
         begin = np.array(scene.obstacles[index].pose.position)
-        path = viewer.motions.active.motion.tip
+        path = active_of(viewer).motion.tip
         way = path[np.linalg.norm(path - begin, axis=1).argmin()] - begin
         axis = np.eye(3)[np.abs(way).argmax()] * np.sign(way[np.abs(way).argmax()])
         viewer.worker.settle(20)
@@ -110,7 +109,7 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
             press(page, "Save motion")
         verdict = json.loads(Path(download.value.path()).read_text(encoding="utf-8"))["verdict"]
         viewer.worker.settle(20)
-        certificate = viewer.certifier.certify(viewer.motions.active.motion.trajectory)
+        certificate = viewer.certifier.certify(active_of(viewer).motion.trajectory)
         assert not certificate.certified
         assert verdict["text"] == certificate.text
         page.mouse.up()

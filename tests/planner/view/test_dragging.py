@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.view.things import GOAL, START, Thing, place_of
 from hdplan.planner.view.viewer import Viewer
-from tests.planner.view.events import BALL
-from tests.planner.view.in_browser import Tabs, arrow_dragged, calm, selected
+from tests.planner.view.events import BALL, active_of
+from tests.planner.view.in_browser import Tabs, arrow_dragged, calm, let_go, says_the_truth, selected
 from tests.planner.view.in_page import grip, gripped, handled, look, seen
 from tests.waiting import until
 
@@ -25,16 +24,15 @@ def viewer(watched: Viewer) -> Viewer:
 def in_sight(page: Any, viewer: Viewer) -> Any:
     """The page, with the whole scene in the picture."""
     page.get_by_text("certified: at least").first.wait_for()
-    look(page, viewer, (0.4, -2.2, 2.6), (0.4, 0.3, 0.0))
+    look(page, viewer)
     return page
 
 
 def test_the_certified_motion_follows_the_mouse(page: Any, viewer: Viewer) -> None:
     """While the button is still down: what the panel calls certified is so, in the scene as it is then."""
     place = selected(in_sight(page, viewer), viewer, BALL)
-    assert viewer.motions.active is not None
-    first = viewer.motions.active.motion.trajectory
-    tips = viewer.motions.active.motion.tip
+    first = active_of(viewer).motion.trajectory
+    tips = active_of(viewer).motion.tip
     way = tips[np.linalg.norm(tips - place[:3, 3], axis=1).argmin()] - place[:3, 3]
     along = np.zeros(3)
     along[np.abs(way).argmax()] = way[np.abs(way).argmax()]
@@ -45,11 +43,9 @@ def test_the_certified_motion_follows_the_mouse(page: Any, viewer: Viewer) -> No
     assert viewer.panel.handles.dragging
     moved = place_of(viewer.edited, BALL, viewer.stage.tip).matrix
     assert np.linalg.norm(moved[:3, 3] - place[:3, 3]) > 0.02
-    assert not np.array_equal(viewer.motions.active.motion.trajectory.positions, first.positions)
-    text = certify(viewer.scene, viewer.motions.active.motion.trajectory, viewer.robot).text
-    page.get_by_text(text).first.wait_for()
-    page.mouse.up()
-    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+    assert not np.array_equal(active_of(viewer).motion.trajectory.positions, first.positions)
+    says_the_truth(page, viewer)
+    let_go(page, viewer)
 
 
 @pytest.mark.slow  # `test_handling` holds the law without a page
@@ -68,8 +64,7 @@ def test_a_click_selects_and_the_handle_stands_upright(page: Any, viewer: Viewer
     page.mouse.move(x, y - 16, steps=4)
     moved: Callable[[], Any] = lambda: place_of(viewer.edited, Thing("obstacle", "prism"), viewer.stage.tip)  # noqa: E731
     until(lambda: moved().position != place.position, "nothing moves")
-    page.mouse.up()
-    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+    let_go(page, viewer)
     np.testing.assert_allclose(moved().matrix[:3, :3], place.matrix[:3, :3], rtol=0, atol=1e-9)
     assert moved().position[:2] == pytest.approx(place.position[:2], abs=1e-9)
 
@@ -80,11 +75,9 @@ def test_the_start_is_dragged_by_the_mouse(page: Any, viewer: Viewer) -> None:
     before = viewer.edited.start
     arrow_dragged(page, viewer, place, -0.15 * place[:3, 0])
     until(lambda: bool(np.abs(viewer.edited.start - before).max() > 0.02), "the start stays where it was")
-    page.mouse.up()
-    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+    let_go(page, viewer)
     calm(viewer)
-    assert viewer.motions.active is not None
-    motion = viewer.motions.active.motion
+    motion = active_of(viewer).motion
     assert motion.certificate.certified
     np.testing.assert_allclose(motion.joints[0], viewer.edited.start, rtol=0, atol=1e-9)
 
@@ -100,11 +93,8 @@ def test_a_tab_that_is_closed_while_it_drags_lets_go(tab: Tabs, served: Viewer) 
     until(lambda: not viewer.panel.handles.dragging, "it is still dragged by a page that is gone")
     calm(viewer)
     other = tab(viewer.address())
-    assert viewer.motions.active is not None
-    other.get_by_text(
-        certify(viewer.scene, viewer.motions.active.motion.trajectory, viewer.robot).text
-    ).first.wait_for()
-    assert viewer.motions.active.motion.measured
+    says_the_truth(other, viewer)
+    assert active_of(viewer).motion.measured
 
 
 @pytest.mark.slow  # without a page `test_live` closes it

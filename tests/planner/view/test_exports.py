@@ -20,7 +20,7 @@ from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.verify import verify
-from tests.planner.view.events import Opener, by_worker
+from tests.planner.view.events import Opener, active_of, by_worker
 from tests.planner.view.in_browser import Tabs, press, tab_of
 from tests.waiting import until
 
@@ -107,8 +107,7 @@ def test_files_come_by_mouse(tab: Tabs, served: Viewer, tmp_path: Path) -> None:
     zipfile.ZipFile(tmp_path / "planar_arm.zip").extractall(tmp_path)
     files = [tmp_path / "planar_arm" / name for name in ("planar_arm.yaml", "motion.json", "motion.proof")]
     assert verify(*files).whole
-    assert served.motions.active is not None
-    text = certify(served.scene, served.motions.active.motion.trajectory).text
+    text = certify(served.scene, active_of(served).motion.trajectory).text
     assert text in (tmp_path / "planar_arm.html").read_text()
     from PIL import Image
 

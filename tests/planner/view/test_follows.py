@@ -24,7 +24,7 @@ from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
-from tests.planner.view.events import Opener, by_worker
+from tests.planner.view.events import Opener, active_of, by_worker
 from tests.waiting import until
 
 
@@ -119,8 +119,7 @@ def test_a_plan_elsewhere_is_seen_as_it_is_made(opened: Opener, scene: Scene) ->
     assert pressed == [False, True]
     assert not viewer.panel.planning.running
     assert viewer.panel.planning.iterates
-    assert viewer.motions.active is not None
-    assert viewer.motions.active.motion.certificate is result.certificate
+    assert active_of(viewer).motion.certificate is result.certificate
     assert viewer.panel.planning.button.label == "Plan"
 
 
@@ -135,8 +134,7 @@ def test_a_plan_elsewhere_says_nothing_of_another_scene(opened: Opener, scene: S
 
     result = viewer.panel.planning.follow(scene, run)
     assert viewer.worker.settle(20)
-    assert viewer.motions.active is not None
-    motion = viewer.motions.active.motion
+    motion = active_of(viewer).motion
     assert motion.certificate is not result.certificate
     assert motion.certificate.text == certify(viewer.scene, result.trajectory).text
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.gate import ALIVE, WATCH
 from hdplan.planner.view.page_script import ENDED, WATCHING
@@ -21,12 +20,21 @@ from hdplan.planner.view.watch import seen
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from tests.planner.view.events import BALL, by_worker
-from tests.planner.view.in_browser import Tabs, arrow_dragged, calm, entry, plainly, press, selected, tab_of
+from tests.planner.view.in_browser import (
+    Tabs,
+    arrow_dragged,
+    calm,
+    entry,
+    plainly,
+    press,
+    says_the_truth,
+    selected,
+    tab_of,
+)
 from tests.planner.view.in_page import heard, look
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
-EYE, TARGET = (0.4, -2.2, 2.6), (0.4, 0.3, 0.0)
 
 
 @pytest.fixture
@@ -38,7 +46,7 @@ def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
 
 def dragging(page: Any, viewer: Viewer) -> None:
     """Select the ball and drag it a little; the button stays down."""
-    look(page, viewer, EYE, TARGET)
+    look(page, viewer)
     place = selected(page, viewer, BALL)
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     until(lambda: viewer.panel.handles.dragging, "it is not dragged")
@@ -46,14 +54,6 @@ def dragging(page: Any, viewer: Viewer) -> None:
 
 def is_there(viewer: Viewer) -> bool:
     return BALL.name in [each.name for each in viewer.scene.obstacles]
-
-
-def says_the_truth(page: Any, viewer: Viewer) -> None:
-    calm(viewer)
-    by_worker(viewer, viewer.document.measure)
-    assert viewer.motions.active is not None
-    text = certify(viewer.scene, viewer.motions.active.motion.trajectory, viewer.robot).text
-    page.get_by_text(text).first.wait_for()
 
 
 @pytest.mark.parametrize("by", ["delete", "z", "file"])
@@ -89,6 +89,8 @@ def test_an_obstacle_is_removed_during_its_drag(tab: Tabs, viewer: Viewer, tmp_p
     assert viewer.edited is without
     assert not viewer.panel.handles.dragging
     assert viewer.panel.handles.selected == (BALL if by == "z" else None)
+    calm(viewer)
+    by_worker(viewer, viewer.document.measure)
     says_the_truth(page, viewer)
 
 

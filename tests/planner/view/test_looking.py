@@ -12,7 +12,7 @@ import pytest
 
 from hdplan.planner.view.drawing.camera import SIDES
 from hdplan.planner.view.drawing.nodes import FADED
-from hdplan.planner.view.looking import INSIDE, Outline
+from hdplan.planner.view.drawing.outline import INSIDE, Outline
 from hdplan.planner.view.things import GOAL, Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.obstacles import Obstacle

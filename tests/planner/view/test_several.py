@@ -13,7 +13,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view import groups, scene_edits
 from hdplan.planner.view.edited_scene import Edited
-from hdplan.planner.view.things import START, Thing, obstacle_of
+from hdplan.planner.view.things import START, Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene, derived
@@ -36,7 +36,7 @@ def viewer(opened: Opener, furnished: Scene, trajectory: Trajectory) -> Viewer:
 
 
 def place(edited: Edited, name: str) -> np.ndarray:
-    return obstacle_of(edited, Thing("obstacle", name)).pose.matrix
+    return edited.obstacle(name).pose.matrix
 
 
 def test_obstacles_selected_together_keep_their_relative_places_in_a_drag(viewer: Viewer) -> None:

@@ -37,7 +37,7 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Sphere
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
-from tests.planner.view.events import Opener, by_worker, straight
+from tests.planner.view.events import Opener, active_of, by_worker, straight
 from tests.threads import together
 from tests.waiting import until
 
@@ -230,11 +230,10 @@ def test_planning_streams_its_motions_and_ends_with_a_verdict(opened: Opener, sc
     assert viewer.motions.active is None
     assert viewer.panel.player.slider.disabled
     planned(viewer)
-    assert viewer.motions.active is not None
-    result = viewer.motions.active.result
+    result = active_of(viewer).result
     assert result is not None
     assert len(viewer.panel.planning.iterates) == result.iterations
-    assert viewer.motions.active.motion.name == NAME
+    assert active_of(viewer).motion.name == NAME
     assert "certified" in viewer.panel.planning.text
     assert not viewer.panel.player.slider.disabled
     viewer.show(0.3)
@@ -378,9 +377,8 @@ def test_an_obstacle_dragged_into_the_arm_takes_the_verdict_with_it(
     """From the first move on, and in the file, whether the obstacle was let go or not."""
     viewer = opened(scene)
     planned(viewer)
-    assert viewer.motions.active is not None
     assert assert_true(viewer, tmp_path) == "certified"
-    middle = viewer.motions.active.motion.tip[len(viewer.motions.active.motion.tip) // 2]
+    middle = active_of(viewer).motion.tip[len(active_of(viewer).motion.tip) // 2]
     handles, ball = viewer.panel.handles, next(o for o in scene.obstacles if o.name == "ball")
     handles.choice.value = "obstacle ball"
     viewer.worker.settle(20)

@@ -17,7 +17,7 @@ from hdplan.planner.view.watch import Seen, Source, Watch, seen, seen_meshes
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
-from tests.planner.view.events import Opener, by_worker
+from tests.planner.view.events import Opener, active_of, by_worker
 from tests.waiting import until
 
 HOOK = shipped_scenes()["panda_vase"].parent / "hook.obj"
@@ -51,8 +51,7 @@ def says_the_truth(viewer: Viewer, file: Path) -> None:
     """The verdict on the motion is the one that holds in the file's scene."""
     assert viewer.worker.settle(20)
     by_worker(viewer, viewer.document.measure)
-    assert viewer.motions.active is not None
-    motion = viewer.motions.active.motion
+    motion = active_of(viewer).motion
     assert motion.scene is viewer.scene
     assert motion.certificate.text == certify(load_scene(file), motion.trajectory).text
 
@@ -161,8 +160,7 @@ def test_a_file_changes_while_something_is_dragged(viewer: Viewer, files: tuple[
 def test_a_motion_is_followed(viewer: Viewer, files: tuple[Path, Path], trajectory: Trajectory) -> None:
     half = trajectory.between(0, 9)
     half.save(files[1])
-    active = viewer.motions.active
-    assert active is not None
+    active = active_of(viewer)
     until(lambda: len(active.motion.trajectory.positions) == 10, "the motion stays")
     says_the_truth(viewer, files[0])
     assert not active.motion.certificate.certified
