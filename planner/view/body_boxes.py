@@ -31,7 +31,7 @@ class BoxLayer:
             if self.node is not None:
                 self.node.remove()
             self._scene, self.node = scene, self._drawn(scene)
-        if self.node is not None and self.node.visible != on:
+        if self.node is not None:
             self.node.visible = on
 
     def _drawn(self, scene: Scene) -> Any:

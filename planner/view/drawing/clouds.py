@@ -67,8 +67,7 @@ class CloudNode(ObstacleNode):
     def fade(self, faded: bool) -> None:
         """Let it be seen through, as it stands between the eye and the robot, or be solid again."""
         size = self._size * (SMALLER if faded else 1.0)
-        if self.points.point_size != size:
-            self.points.point_size = size
+        self.points.point_size = size
 
     @property
     def opacity(self) -> float:
