@@ -218,9 +218,9 @@ def overview(outcomes: list[Outcome], proofs: bool = False) -> str:
             "timed": sum(np.isfinite(o.motion) for o in good),
             "planning median / p95 [ms]": milliseconds(seconds),
             "length [rad]": _median([s.length for s in shapes], ".2f"),
-            "length, of hdplan's [%]": _share(lengths),
+            "length / hdplan's [%]": _share(lengths),
             "motion time [s]": _median([o.motion for o in good if np.isfinite(o.motion)], ".2f"),
-            "motion time, of hdplan's [%]": _share([(a.motion, b.motion) for a, b in pairs if np.isfinite(a.motion)]),
+            "motion time / hdplan's [%]": _share([(a.motion, b.motion) for a, b in pairs if np.isfinite(a.motion)]),
             "∫ acceleration² [rad²]": _median([s.acceleration for s in shapes], ",.0f"),
             "proven clearance median [mm]": _median([1e3 * o.clearance for o in good], ".1f"),
         }

@@ -111,7 +111,7 @@ def dragged(viewer: Viewer, thing: Thing, way: np.ndarray) -> float:
         viewer.worker.ask("drag", lambda pose=Pose((x, y, z)): handles.drag(pose))  # type: ignore[misc]
         viewer.worker.settle()
         viewer.panel.live.settle(10.0)
-    handles.release()
+    handles.grip.release()
     viewer.worker.settle()
     return time.process_time() - began
 
@@ -138,7 +138,7 @@ def drags(count: int) -> dict[str, str]:
         sys.exit("ended before the first drag")
     done, part = len(spent), max(len(spent) // SHARE, 1)
     before, after = held[part - 1], held[done - 1]  # first, caches fill
-    viewer.panel.handles.release()
+    viewer.panel.handles.grip.release()
     viewer.worker.settle()
     began = time.process_time()
     while viewer.document.history.can_undo:

@@ -104,7 +104,7 @@ def test_a_torn_block_is_refused(torn: str) -> None:
         measurements.blocks(SAMPLE.replace(torn, "Words" if "Words" in torn else ""))
 
 
-def test_a_failed_command_leaves_its_block_and_the_rest_is_written(
+def test_a_failed_measurement_leaves_its_block_and_the_rest_is_written(
     page: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(monkeypatch) == 1
