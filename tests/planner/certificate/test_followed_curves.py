@@ -81,13 +81,8 @@ def test_bounds_hold_within_parts(name: str, free: str) -> None:
     for _ in range(2):
         turns = Rotation.random(4, random_state=int(rng.integers(1 << 30)))
         turns = Rotation.from_rotvec(0.4 * turns.as_rotvec())
-        setup = setup_of(
-            name,
-            [hdplan.Pose(rng.uniform(-1, 1, 3), turn) for turn in turns.as_quat()],
-            free_rotation=free,
-            speed=1.0,
-            acceleration=1.0,
-        )
+        poses = [hdplan.Pose(rng.uniform(-1, 1, 3), turn) for turn in turns.as_quat()]
+        setup = setup_of(name, poses, free_rotation=free, speed=1.0, acceleration=1.0)
         check = PathCheck(setup, Chain.of(setup.robot.unfolded.model))
         motion = random_motion(rng, setup.robot.n)
         helds = list(check._along(motion, 4))
@@ -151,17 +146,11 @@ def test_what_follows_is_certified_and_the_rest_is_not() -> None:
     times = np.linspace(0.0, 8.0, len(rows))
     there = certified(setup, rows, times)
     assert there.certified, there.text
-    assert {"path.follow.position_tolerance", "path.follow.orientation_tolerance"} == {
-        each.field for each in there.path
-    }
-    back_and_forth = np.concatenate([rows[:25], rows[24:9:-1], rows[10:]])
-    bad = {
-        "backwards": rows[::-1],
-        "half": rows[:21],
-        "begins late": rows[5:],
-        "back and forth": back_and_forth,
-        "left out": np.concatenate([rows[:10], rows[30:]]),
-    }
+    fields = {each.field for each in there.path}
+    assert fields == {"path.follow.position_tolerance", "path.follow.orientation_tolerance"}
+    bad = {"backwards": rows[::-1], "half": rows[:21], "begins late": rows[5:]}
+    bad["back and forth"] = np.concatenate([rows[:25], rows[24:9:-1], rows[10:]])
+    bad["left out"] = np.concatenate([rows[:10], rows[30:]])
     for what, forged in bad.items():
         found = certified(setup, forged, np.linspace(0.0, 8.0, len(forged)))
         assert found.status is Status.OFF_PATH, what
@@ -194,9 +183,8 @@ def test_certified_means_near_the_curve_all_along(seed: int) -> None:
     rows, _ = along(robot, rng)
     places, turns = tool_poses(robot, rows, TOOLS["panda"])
     far, angle = 3e-3, 0.03
-    setup = setup_of(
-        "panda", poses_of(places, turns), position_tolerance=far, orientation_tolerance=angle, free_rotation=free
-    )
+    within = {"position_tolerance": far, "orientation_tolerance": angle, "free_rotation": free}
+    setup = setup_of("panda", poses_of(places, turns), **within)
     times, verdicts = np.linspace(0.0, 8.0, len(rows)), []
     slerp = Slerp(np.arange(len(rows)), Rotation.from_matrix(turns))
     fine = np.linspace(0, len(rows) - 1, 4001)

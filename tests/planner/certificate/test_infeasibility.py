@@ -38,9 +38,7 @@ def urdf(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def swapped(scene: Scene) -> Scene:
-    return dataclasses.replace(
-        scene, start=dataclasses.replace(scene.goal, field="start"), goal=dataclasses.replace(scene.start, field="goal")
-    )
+    return scene.with_start(scene.goal.positions).with_goal(scene.start.positions)
 
 
 @pytest.mark.sampled(7)
@@ -126,9 +124,8 @@ def test_the_end_of_the_reach_shuts_off() -> None:
 def test_a_cup_with_a_mouth(urdf: Path, tmp_path: Path, mouth: float, shut: bool) -> None:
     profile = [(0.0, 0.0), (0.15, 0.0), (0.15, 0.3), (mouth, 0.3), (mouth, 0.29), (0.14, 0.29), (0.14, 0.01), (0, 0.01)]
     cup = hdplan.Obstacle("cup", hdplan.Mesh(str(lathed(tmp_path, profile))), hdplan.Pose([0.0, 0.0, -0.2]))
-    scene = Scene(
-        name="cup", robot=hdplan.RobotSpec(urdf=str(urdf)), obstacles=(cup,), start=[0.0, 0.0, 0.3], goal=[0, 0, -0.1]
-    )
+    robot = hdplan.RobotSpec(urdf=urdf)
+    scene = Scene(robot=robot, obstacles=[cup], start=[0.0, 0.0, 0.3], goal=[0, 0, -0.1])
     assert bool(proven(scene)) == shut
     assert bool(proven(swapped(scene))) == shut
 
@@ -278,6 +275,5 @@ def test_a_ball_that_stays_in_place_proves_nothing(tmp_path: Path) -> None:
         joint_text("tilt", "hub", "arm", "0 1 0"),
     )
     box = hdplan.Obstacle("box", hdplan.Box([0.05, 0.05, 0.05]), hdplan.Pose([0.1, 0.0, 0.0]))
-    assert not proven(
-        Scene(name="crane", robot=hdplan.RobotSpec(urdf=urdf), obstacles=(box,), start=[1.5, 0.0], goal=[-1.5, 0.0])
-    )
+    robot = hdplan.RobotSpec(urdf=urdf)
+    assert not proven(Scene(robot=robot, obstacles=[box], start=[1.5, 0.0], goal=[-1.5, 0.0]))

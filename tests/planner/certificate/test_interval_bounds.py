@@ -71,9 +71,8 @@ def exact(certifier: Certifier, curve: Curve) -> np.ndarray:
     sweep, values = certifier.sweep, []
     for k in range(len(curve) - 1):
         for share in np.linspace(0, 1, LOOKS):
-            here = Intervals.of(
-                sweep.bodies, curve, sweep.bodies.reach(curve), np.full(1, k), np.full(1, share), np.zeros(1)
-            )
+            place = np.full(1, k), np.full(1, share), np.zeros(1)
+            here = Intervals.of(sweep.bodies, curve, sweep.bodies.reach(curve), *place)
             bounds = Bounds(sweep.bodies, sweep.pairs)
             items = Items.all(1, np.arange(len(sweep.pairs.a)))
             values.append(bounds.by_best_plane(here, items)[0])
@@ -175,9 +174,7 @@ def test_point_clouds_are_not_kept_once_their_scene_is_gone() -> None:
     scene, rng = load_scene("empty"), np.random.default_rng(4)
     robot, gone = load_scene_robot(scene), []
     for _ in range(3):
-        cloud = Obstacle(
-            "cloud", hdplan.Points(tuple(map(tuple, rng.normal(size=(30, 3)).tolist()))), Pose((2.0, 0.0, 2.0))
-        )
+        cloud = Obstacle("cloud", hdplan.Points(rng.normal(size=(30, 3))), Pose((2.0, 0.0, 2.0)))
         certifier = Certifier(Setup.of(dataclasses.replace(scene, obstacles=(cloud,)), robot))
         certifier.certify(hdplan.Trajectory(robot.joint_names, np.zeros((2, robot.n))), check_ends=False)
         gone.append(weakref.ref(certifier.sweep.bodies.pieces[-1]))

@@ -24,10 +24,9 @@ def with_clearance(scene: Scene, clearance: float) -> Scene:
 
 def bent(motion: Trajectory, rng: np.random.Generator) -> Trajectory:
     """The same ends by another way: a random bump over it all."""
-    bump = np.sin(np.linspace(0.0, np.pi, len(motion)))[:, None] * rng.normal(
-        scale=0.04, size=motion.positions.shape[1]
-    )
-    return dataclasses.replace(motion, positions=motion.positions + bump)
+    bump = np.sin(np.linspace(0.0, np.pi, len(motion)))
+    size = rng.normal(scale=0.04, size=motion.positions.shape[1])
+    return dataclasses.replace(motion, positions=motion.positions + np.outer(bump, size))
 
 
 @pytest.mark.sampled(2)

@@ -111,11 +111,7 @@ def ply(*lines: str, head: str = "ascii", vertex: str = "", rows: str = "0 0 0\n
         ("off", OFF.replace("1 0 0\n", "1 0 0 1\n"), "line 4: '1 0 0 1': a vertex of OFF has 3 numbers"),
         ("off", OFF.replace("3 0 1 3", "3 0 1 3 9 9"), "line 8: .* a face of 3 vertices and a colour"),
         ("off", OFF.replace("3 0 1 3", "2 0 1"), "line 8: '2 0 1': a face has at least 3 vertices"),
-        (
-            "ply",
-            ply("element trifans 1", "property list int int vertex_indices", rows=""),
-            "element 'trifans' is not read",
-        ),
+        ("ply", ply("element trifans 1", "property list int int vertex_indices", rows=""), "'trifans' is not read"),
         ("ply", ply(vertex="property float w", rows=""), "element 'vertex': the property 'w' is not known"),
         ("ply", ply("property list uchar int more", rows=""), "element 'face': the property 'more' is not known"),
         ("ply", ply("property double vertex_index", rows=""), "'face': does not have exactly one list of whole"),
