@@ -214,7 +214,7 @@ FORGOTTEN: list[tuple[str, Callable[[pytest.MonkeyPatch], None]]] = [
     ("goal", dropping(EndCheck, "misses", goalless)),
     ("path.relative.orientation_tolerance", only_kept(3)),
     ("path.position", only_kept(1)),
-    ("path.upright", lambda patch: patch.setattr(certifier, "_path_check", lambda *_: None)),
+    ("path.upright", lambda patch: patch.setattr(path_check, "PathCheck", lambda *_: None)),
 ]
 
 

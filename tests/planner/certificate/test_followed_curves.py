@@ -15,8 +15,8 @@ from hdplan.distance.compiled.loops import library
 from hdplan.planner.certificate import pose_curve, tool_rates
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.followed_curve import OnCurve, TurnedAlong
-from hdplan.planner.certificate.path_bounds import Part
 from hdplan.planner.certificate.path_check import PathCheck
+from hdplan.planner.certificate.path_parts import Part
 from hdplan.planner.certificate.pose_curve import PoseCurve
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve

@@ -173,7 +173,7 @@ def test_files_that_are_not_regular_are_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.stl")
     (tmp_path / "folder.stl").mkdir()
     for name in ("pipe.stl", "folder.stl"):
-        with pytest.raises(InputError, match="is not a regular file"):
+        with pytest.raises(InputError, match=r"is a (pipe|directory), not a file"):
             mesh_files.read_mesh_file(tmp_path / name)
 
 
@@ -204,6 +204,6 @@ def test_a_gltf_file_costs_no_more_than_it_holds(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(mesh_files, "MOST_TRIANGLES", 1000)
     with pytest.raises(InputError, match="has 1200 triangles; at most 1000"):
         mesh_files.read_mesh_file(path)
-    monkeypatch.setattr(mesh_files, "MOST_BYTES", 1000)
+    monkeypatch.setattr("hdplan.scenes.files.MOST_BYTES", 1000)
     with pytest.raises(InputError, match="at most 0 MB are read"):
         mesh_files.read_mesh_file(path)

@@ -23,7 +23,6 @@ from hdplan.planner.geometry.coal_shapes import mesh_of
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh, load_mesh
 from hdplan.planner.geometry.opened import opened, with_content
 from hdplan.planner.page.recorded_page import page_of
-from hdplan.planner.pictures.scene import Picture
 from hdplan.planner.problem.assemble import assemble
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
@@ -74,6 +73,8 @@ def scene_of(folder: Path) -> Scene:
 
 def test_a_setup_needs_no_file_after_it_is_built(folder: Path) -> None:
     """The files are deleted once the Setup stands: planner, certificate and pictures say the same as with them."""
+    from hdplan.planner.pictures.scene import Picture
+
     scene = scene_of(folder)
     motion = hdplan.Trajectory(("turn",), np.linspace(-0.4, 0.4, 5)[:, None], times=np.linspace(0.0, 2.0, 5))
     before = Certifier(Setup.of(scene)).certify(motion, check_ends=False)

@@ -160,7 +160,7 @@ def test_what_was_proven_is_kept_and_a_damaged_entry_is_not_believed(
     assert len(proofs) == 1
     cut = [whole[: len(whole) // 2], whole[:-1], b"", whole.replace(b"l0", b"l1"), whole + b" "]
     others = ["[]", "5", "null", '{"a": 1}', "[[5], []]", '[[["l0"]], []]', '[[[["l0"], "l2"]], []]']
-    planted = [f"{content_key(other)}\n{other}".encode() for other in others]
+    planted = [f"{content_key('lasting_contacts', entry.stem, other)}\n{other}".encode() for other in others]
     for count, damaged in enumerate([*cut, *planted], start=2):
         entry.write_bytes(damaged)
         assert kept_robot(tmp_path).unchecked == first.unchecked

@@ -177,6 +177,7 @@ def test_a_changed_mesh_is_read_again(carry: Scene, tmp_path: Path) -> None:
 
 
 def test_it_is_explained_and_drawn(carry: Scene) -> None:
+
     problem = build(carry)
     ((name, text),) = explain(problem)["held objects"]
     assert name == "bottle"

@@ -173,7 +173,7 @@ def test_configurations_by_position_name_and_state_agree(panda: Robot) -> None:
 @pytest.mark.parametrize(
     ("target", "words"),
     [
-        (JointTarget("goal", positions=(0.0,) * 6), "goal: 6 joint values, but panda plans 7 joints: panda_joint1, "),
+        (JointTarget("goal", positions=(0.0,) * 6), "goal: 6 values, but panda plans 7 joints: panda_joint1, "),
         (JointTarget("goal", positions=(4.0, *READY[1:])), r"'panda_joint1' is 4, outside its limits \[-2.8973, 2.89"),
         (JointTarget("goal", state="defualt"), r"unknown state 'defualt' \(did you mean 'default'\?\)"),
         (JointTarget("goal", by_name={"panda_jiont1": 0.0}), r"'panda_jiont1' \(did you mean 'panda_joint1'\?\)"),
@@ -378,7 +378,7 @@ def test_a_damaged_mesh_of_a_link_is_refused(tmp_path: Path, capfd: pytest.Captu
         assert "\n" not in str(caught.value)
         mesh.unlink()
     os.mkfifo(tmp_path / "ball.dae")
-    with pytest.raises(InputError, match="is not a regular file"):
+    with pytest.raises(InputError, match="is a pipe, not a file"):
         load_robot(RobotSpec(urdf=path))
     assert capfd.readouterr() == ("", "")
 
