@@ -219,7 +219,7 @@ FORGOTTEN: list[tuple[str, Callable[[pytest.MonkeyPatch], None]]] = [
 
 
 @pytest.mark.parametrize(("name", "forget"), FORGOTTEN, ids=[f"{i}-{name}" for i, (name, _) in enumerate(FORGOTTEN)])
-def test_what_a_check_leaves_out_is_named(
+def test_a_requirement_that_a_check_leaves_out_is_named(
     name: str,
     forget: Callable[[pytest.MonkeyPatch], None],
     whole: tuple[Scene, Trajectory],
@@ -243,7 +243,7 @@ def test_unrequested_checks_are_named_too(whole: tuple[Scene, Trajectory], monke
 def test_a_motion_that_is_not_free_is_not_judged_either(
     whole: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is missing fails for every motion, not only for one that would be certified."""
+    """A missing check fails for every motion, not only for one that would be certified."""
     _, moved = whole
     box = Box([0.3, 0.3, 0.3], name="met", pose=[0.3, 0.0, 0.9])
     met = scene(obstacles=[box], limits=Limits(jerk=500.0, acceleration=10.0))

@@ -75,7 +75,7 @@ def values(check: PathCheck, held: Any, curve: Curve, spans: tuple[Any, Any, Any
 @pytest.mark.parametrize("name", TOOLS)
 @pytest.mark.parametrize("free", ["none", "y"])
 def test_bounds_hold_within_parts(name: str, free: str) -> None:
-    """On random parts of random motions along curves that have nothing to do with them, no value within a part exceeds
+    """Random motions have nothing to do with the curves: no value within a random part of a motion exceeds
     the part's bound; it is taken at the place at which u(t) is then."""
     rng = np.random.default_rng([3, len(name), len(free)])
     for _ in range(2):
@@ -134,7 +134,7 @@ def certified(setup: Setup, rows: Any, times: Any) -> hdplan.Certificate:
     return Certifier(setup).certify(motion, check_ends=False)
 
 
-def test_what_follows_is_certified_and_the_rest_is_not() -> None:
+def test_only_a_motion_that_follows_is_certified() -> None:
     """The same curve there, backwards, back and forth, left out in the middle, only half, off it in one row, turned in
     one row: only the first follows."""
     rng = np.random.default_rng(8)
@@ -294,7 +294,7 @@ def test_bad_curves_are_refused() -> None:
 @pytest.mark.skipif(not library(), reason="built without a C compiler")
 @pytest.mark.parametrize("axis", ["none", "z"])
 def test_places_in_c_are_those_in_numpy(axis: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Along random curves, of which some poses repeat and others turn back, near them and anywhere else."""
+    """Poses of the random curves repeat or turn back; places are near them and anywhere else."""
     robot, rng = hdplan.load_robot("panda"), np.random.default_rng(len(axis))
     for count in (2, 3, 40):
         turns = Rotation.from_rotvec(np.cumsum(rng.normal(scale=0.05, size=(count, 3)), axis=0))
@@ -338,7 +338,7 @@ def test_few_nodes_prove_what_many_do_and_more_are_taken_where_they_do_not() -> 
 
 
 @pytest.mark.parametrize("fastest", [0.01, 0.03])
-def test_where_a_curve_turns_back_its_end_is_not_skipped(fastest: float) -> None:
+def test_the_end_of_a_curve_that_turns_back_is_not_skipped(fastest: float) -> None:
     """A link that turns to an angle and back is as near to the way back as to the way there, all along."""
     angles = np.concatenate([np.linspace(0.0, 0.5, 30), np.linspace(0.5, 0.0, 30)[1:]])
     turn = [Rotation.from_euler("z", angle) for angle in angles]

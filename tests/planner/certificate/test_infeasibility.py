@@ -61,7 +61,7 @@ def test_a_plan_ends_with_the_proof(urdf: Path) -> None:
 
 
 def test_a_look_ends_between_its_parts_where_the_search_is_over(urdf: Path) -> None:
-    """And goes on there when there is time again: the proof is the same."""
+    """It goes on there when there is time again: the proof is the same."""
     scene, ended = crated(urdf, 0, 1.9 * RADIUS), [False, True, True]
     search: Any = Ending(Certifier(Setup.of(scene)), lambda: ended.pop(0) if ended else False)
     assert isinstance(scene.goal, JointTarget)
@@ -160,7 +160,7 @@ def test_goals_that_leave_a_choice(urdf: Path) -> None:
 @pytest.mark.sampled(7)
 @pytest.mark.parametrize("seed", range(14))
 def test_random_walls_are_as_a_dense_grid_says(urdf: Path, seed: int) -> None:
-    """Where a grid of places joins start and goal with room to spare nothing is proven; where it does not join them
+    """Nothing is proven where a grid of places joins start and goal with room to spare; where it does not join them
     even with less room than the ball needs, something is."""
     rng = np.random.default_rng(seed)
     boxes = partition(rng, rng.uniform(1.0, 1.9) if seed % 2 else rng.uniform(3.0, 4.0))

@@ -133,7 +133,7 @@ def test_a_bound_over_all_is_no_better_than_over_one(assembled: LaidOut) -> None
 
 
 def test_balls_in_c_are_those_in_numpy(assembled: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also with what drifts, a body inside another's box, and a place that is not a number."""
+    """Some drift, one is inside another's box, and one place is not a number."""
     certifier, intervals, _ = assembled
     center, every = intervals.center.copy(), np.arange(len(certifier.sweep.bodies.bodies))
     center[intervals.row(2, every)] = center[intervals.row(2, 1)]
@@ -150,7 +150,7 @@ def test_balls_in_c_are_those_in_numpy(assembled: LaidOut, monkeypatch: pytest.M
     np.testing.assert_allclose(compiled[1][known], plain[1][known], rtol=0, atol=SAME)
 
 
-def test_what_stands_has_one_place_and_what_moves_is_where_it_is_alone(assembled: LaidOut) -> None:
+def test_a_still_body_has_one_place_and_a_moving_one_is_where_it_is_alone(assembled: LaidOut) -> None:
     certifier, intervals, curve = assembled
     bodies = certifier.sweep.bodies
     still = np.setdiff1d(np.arange(len(bodies.bodies)), bodies.moving)

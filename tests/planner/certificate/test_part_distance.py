@@ -222,7 +222,7 @@ def test_no_bound_is_above_the_distance_anywhere_on_the_interval(
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-def test_what_need_not_be_exact_is_still_no_more_than_the_distance(
+def test_a_bound_that_need_not_be_exact_is_still_no_more_than_the_distance(
     compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not compiled:

@@ -147,7 +147,7 @@ def test_a_violation_between_two_good_rows_is_found_and_named(tmp_path: Path) ->
         assert fell == ([1] if turns[0] else [])
 
 
-def test_it_agrees_with_an_arm_in_a_plane(tmp_path: Path) -> None:
+def test_the_proof_agrees_with_an_arm_in_a_plane(tmp_path: Path) -> None:
     spec = spec_of("planar", tmp_path, Pose())
     robot, rng = load_robot(spec), np.random.default_rng(8)
     assert {False, True} == {_planar_case(robot, spec, rng) for _ in range(12)}

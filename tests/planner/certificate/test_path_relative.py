@@ -144,7 +144,7 @@ def test_a_common_motion_of_both_links_changes_nothing(tmp_path: Path) -> None:
         assert proof.kept[1].worst == pytest.approx(0.5, abs=0.01)  # turned by that, whoever looks
 
 
-def test_between_two_good_rows_is_found_and_named(tmp_path: Path) -> None:
+def test_a_departure_between_two_good_rows_is_found_and_named(tmp_path: Path) -> None:
     spec = spec_of("two_arms", tmp_path)
     robot = load_robot(spec)
     start = np.zeros(robot.n)

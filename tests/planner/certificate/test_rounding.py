@@ -97,7 +97,7 @@ def test_the_robot_is_placed_to_what_is_taken_off_wherever_it_is_not_refused(sli
 
 
 def test_moving_obstacles_are_placed_to_what_is_taken_off() -> None:
-    """As late as S T allows, on a line and on a turn; and a thousand times as late they are not."""
+    """They are, as late as S T allows, on a line and on a turn; a thousand times as late they are not."""
     rng = np.random.default_rng(4)
     worst, late = 0.0, 0.0
     for trial in range(200):
@@ -122,7 +122,7 @@ def test_moving_obstacles_are_placed_to_what_is_taken_off() -> None:
 
 
 def test_the_bounds_are_where_they_are_stated(slide: Scene) -> None:
-    """Just within them a motion is checked; just beyond, the error names the field, the value and what is allowed."""
+    """A motion just within them is checked; just beyond, the error names the field, the value and what is allowed."""
     far = MOST_TERM / PLACING
     still = Trajectory(("turn", "slide"), np.zeros((2, 2)))
     for share, kept in ((0.99, True), (1.01, False)):
@@ -202,7 +202,7 @@ WILD_OBSTACLES: dict[str, Callable[[], Obstacle]] = {
 @pytest.mark.parametrize("thing", WILD_OBSTACLES)
 @pytest.mark.parametrize("wild", [*WILD_MOTIONS, "tame"])
 def test_wild_numbers_are_refused_or_judged_and_never_overflow(wild: str, thing: str, slide: Scene) -> None:
-    """With limits of all kinds and a path constraint: an InputError, or a verdict whose numbers are numbers."""
+    """Limits of all kinds and a path constraint hold: an InputError, or a verdict whose numbers are numbers."""
     limits = Limits(velocity=1.0, acceleration=10.0, jerk=100.0, torque=100.0)
     path = hdplan.PathConstraints(upright=Upright("tip", tolerance=0.5))
     scene = replace(slide, limits=limits, payload=Payload("tip", 1.0), path=path)

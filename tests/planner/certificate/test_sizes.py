@@ -93,8 +93,8 @@ def test_places_at_an_instant_are_those_of_an_interval_without_length(robot: str
 
 
 @pytest.mark.parametrize("robot", HOMES)
-def test_what_is_not_measured_is_proven_all_the_same(robot: str) -> None:
-    """Whether a motion keeps the required clearance does not depend on whether its clearance is measured; the measured
+def test_an_unmeasured_clearance_is_proven_all_the_same(robot: str) -> None:
+    """A motion keeps the required clearance whether or not its clearance is measured; the measured
     value is no more than the true one, and no less than required."""
     home, more = HOMES[robot]
     kept = refused = 0
@@ -187,7 +187,7 @@ def test_uncertain_moving_obstacles_are_compared_with_static_links() -> None:
 
 
 def test_a_stretch_that_cannot_be_proven_ends_soon() -> None:
-    """Where the nominal scene is free and not all its worlds are, halving would never end."""
+    """Halving would never end where the nominal scene is free and not all its worlds are."""
     scene = load_scene("panda_cage")
     motion = hdplan.plan(scene).trajectory
     found = hdplan.certify(sized(scene, tracking=Tracking(0.02)), motion)
@@ -232,7 +232,7 @@ def test_an_end_at_which_all_is_lost_is_refused_with_its_millimetres() -> None:
 
 @pytest.mark.parametrize("left", [0.3, 0.02, 0.002])
 def test_a_robot_that_stands_is_proven_as_long_as_nobody_can_have_come(left: float) -> None:
-    """However near who may walk is by then: where nothing moves, the time is divided all the same."""
+    """A person may be near by then: the time is divided all the same where nothing moves."""
     q = [0.3, 0.2]
     ball = Obstacle("ball", Sphere(0.1), [1.6, 1.0, 0.1])
     alone = load_scene("planar_arm").with_start(q).with_goal(q).with_obstacles([ball])

@@ -248,7 +248,7 @@ def spoilt(text: str, rng: np.random.Generator) -> str:
 
 
 def test_spoilt_files_are_refused_or_read_as_others_read_them(tmp_path: Path) -> None:
-    """Whatever is changed: refused in one line, or no change to the geometry, or the change that Assimp sees, too."""
+    """A change is refused in one line, or changes no geometry, or Assimp sees the same change."""
     counts, path = Counter[str](), tmp_path / "a.dae"
     for seed in range(400):
         made = Writer(np.random.default_rng(seed % 100))
@@ -304,7 +304,7 @@ def read(text: str) -> np.ndarray:
 
 
 def test_units_are_kept_and_axes_stand_as_they_are_written() -> None:
-    """As RViz has it, on whose reading the placements in URDFs rely."""
+    """RViz reads them so, and the placements in URDFs rely on it."""
     plain = read(PLAIN)
     assert np.array_equal(read(PLAIN.replace('meter="1"', 'meter="0.001"')), 0.001 * plain)
     assert np.array_equal(read(PLAIN.replace('<unit name="meter" meter="1"/>', "")), plain)
@@ -368,7 +368,7 @@ def test_coordinates_keep_double_precision() -> None:
         ("</COLLADA>", "", "not well-formed XML, or is cut short"),
     ],
 )
-def test_what_is_not_read_is_refused_by_name(before: str, after: str, words: str) -> None:
+def test_unsupported_content_is_refused_by_name(before: str, after: str, words: str) -> None:
     assert before in PLAIN
     with pytest.raises(InputError, match=words):
         read(PLAIN.replace(before, after))

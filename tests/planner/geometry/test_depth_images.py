@@ -59,7 +59,7 @@ def test_a_plane_is_covered_without_holes_whatever_its_inclination(seed: int) ->
 
 
 def test_neighbours_are_of_one_surface_up_to_an_inclination_against_the_ray() -> None:
-    """Also at the picture's edge, where the ray is far from the picture's axis."""
+    """The law holds at the picture's edge, too, where the ray is far from the picture's axis."""
     rng, focal = np.random.default_rng(79), 500.0
     for i in range(400):
         s, t = rng.uniform(-0.9, 0.9, 2)
@@ -92,7 +92,7 @@ def test_across_an_edge_nothing_is_seen() -> None:
     assert not ((found[:, 2] > 1.05) & (found[:, 2] < 1.95)).any()
 
 
-def test_what_was_not_seen_is_no_obstacle_and_the_range_is_kept() -> None:
+def test_an_unseen_pixel_is_no_obstacle_and_the_range_is_kept() -> None:
     image = np.full(SHAPE, 1.0)
     image[0], image[1], image[2], image[3] = 0.0, np.nan, 5.0, 0.05
     assert len(balls(image)) == 56 * 80
@@ -120,7 +120,7 @@ def test_radius_is_added_and_files_are_read_alike(tmp_path: Path) -> None:
         balls_in(read_cloud(Cloud(DepthImage(tmp_path / "color.png", CAMERA)), "obstacles.view"))
 
 
-def test_in_a_scene_file_and_back(tmp_path: Path) -> None:
+def test_a_depth_image_goes_into_a_scene_file_and_back(tmp_path: Path) -> None:
     np.save(tmp_path / "view.npy", np.full((2, 3), 1000, np.uint16))
     file = tmp_path / "scene.yaml"
     depth = "{file: view.npy, intrinsics: [100, 100, 1, 0.5], scale: 0.002, range: [0.2, 4], voxel: 0.1}"

@@ -249,7 +249,7 @@ def spoil(top: dict[str, Any], rng: np.random.Generator) -> None:
 
 
 def test_spoilt_files_are_refused_or_read_as_others_read_them(tmp_path: Path) -> None:
-    """Whatever is changed: refused in one line, or no change to the geometry, or the change that others see, too."""
+    """A change is refused in one line, or changes no geometry, or others see the same change."""
     counts = Counter[str]()
     for seed in range(800):
         made = Writer(np.random.default_rng(seed % 200))
@@ -366,7 +366,7 @@ def put(*keys: Any) -> Callable[[dict[str, Any]], None]:
         (put("scenes", [{}]), "is empty, it holds no triangles"),
     ],
 )
-def test_what_is_not_read_is_refused_by_name(
+def test_unsupported_content_is_refused_by_name(
     tmp_path: Path, change: Callable[[dict[str, Any]], None], words: str
 ) -> None:
     path, top = tmp_path / "a.gltf", plain()
@@ -431,7 +431,7 @@ def test_a_buffer_beside_a_file_belongs_to_it(tmp_path: Path) -> None:
 
 
 def test_quantized_points_are_what_their_type_says(tmp_path: Path) -> None:
-    """Of whole numbers as they are, and normalized: the least of a signed type stands for -1, too."""
+    """Whole numbers stand as they are, or normalized: the least of a signed type stands for -1, too."""
     for normalized, expected in ((False, [-32768, 32767, 100]), (True, [-1.0, 1.0, 100 / 32767])):
         top, rows = plain(), np.array([[-32768, 32767, 100], [1, 0, 0], [0, 1, 0]], dtype="<i2")
         top["extensionsRequired"] = [QUANTIZED]

@@ -89,15 +89,14 @@ def test_every_format_reads_as_it_was_written(tmp_path: Path) -> None:
             path.write_bytes(data)
             vertices, triangles = mesh_files.read_mesh_file(path)
             assert triangles.shape == mesh.faces.shape
-            found, written = (
-                np.sort(area(*each), axis=0) for each in ((vertices, triangles), (mesh.vertices, mesh.faces))
-            )
+            meshes = (vertices, triangles), (mesh.vertices, mesh.faces)
+            found, written = (np.sort(area(*each), axis=0) for each in meshes)
             np.testing.assert_allclose(found, written, atol=1e-6)
             np.testing.assert_allclose(vertices.min(axis=0), mesh.bounds[0], atol=1e-6)
 
 
 def test_damaged_files_are_read_or_refused_in_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """Whatever the damage: a mesh of finite size, or InputError; nothing on the error stream, no other exception."""
+    """Any damage gives a mesh of finite size, or InputError; nothing on the error stream, no other exception."""
     rng, read = random.Random(0), 0
     files = [item for mesh in solids() for item in contents(mesh).items()]
     for _ in range(700):
@@ -155,7 +154,7 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
         ("a.stp", "", r"format '.stp' is not known \(did you mean 'stl'\?\)"),
     ],
 )
-def test_what_is_wrong_is_reported_with_its_line(tmp_path: Path, name: str, content: str, words: str) -> None:
+def test_an_error_in_a_mesh_file_is_reported_with_its_line(tmp_path: Path, name: str, content: str, words: str) -> None:
     (tmp_path / name).write_text(content)
     with pytest.raises(InputError, match=words):
         mesh_files.read_mesh_file(tmp_path / name)

@@ -137,7 +137,7 @@ def test_a_file_of_the_same_size_and_time_is_another_one(folder: Path) -> None:
         assert lengths() == [length, length]
 
 
-def test_what_was_not_read_is_refused(folder: Path) -> None:
+def test_an_unread_obstacle_is_refused(folder: Path) -> None:
     for obstacle in scene_of(folder).obstacles:
         with pytest.raises((TypeError, HdplanError), match=r"read before|is not supported|no map"):
             obstacle_bodies(obstacle)

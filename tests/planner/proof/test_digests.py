@@ -59,7 +59,7 @@ def test_a_mesh_by_its_digest(files: tuple[Path, Path]) -> None:
 
 
 def test_a_digest_stands_for_meshes_alone(files: tuple[Path, Path]) -> None:
-    """What the proof alone could say has no digest: neither a cloud nor a box is one."""
+    """Shapes that the proof alone could give have no digest: neither a cloud nor a box is one."""
     read = read_world(*files).world
     for place in (1, 0):
         world = copy.deepcopy(read)
@@ -81,7 +81,7 @@ def test_digests_tell_meshes_apart() -> None:
 
 
 def test_files_that_change_are_read_again(files: tuple[Path, Path]) -> None:
-    """In one process: what is kept of a file is kept of its content, not of its name, and nobody can change it."""
+    """A process keeps what it parsed by a file's content, not by its name, and nobody can change it."""
     first = read_world(*files).world
     kept = copy.deepcopy(first)
     with pytest.raises(ValueError, match="read-only"):

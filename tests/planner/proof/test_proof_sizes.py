@@ -112,7 +112,7 @@ def test_other_sizes_are_another_scene(made: Made, tmp_path: Path) -> None:
 
 
 def test_the_kernel_takes_what_is_unknown_off_its_bounds(made: Made) -> None:
-    """In its own world a proof is accepted, with smaller sizes too; with larger ones of each kind it is not."""
+    """A proof is accepted in its own world, with smaller sizes too; with larger ones of each kind it is not."""
     file, motion, _, _, proof = made
     world = read_world(file, motion).world
     assert accept(world, proof.data)[1]
@@ -161,7 +161,7 @@ def test_the_kernel_takes_what_is_unknown_off_its_bounds(made: Made) -> None:
         accept(upright, proof.data)
 
 
-def test_without_sizes_the_world_is_as_it_was() -> None:
+def test_sizes_of_zero_leave_the_world_as_it_is() -> None:
     scene = load_scene("panda_cage")
     motion = hdplan.plan(scene).trajectory
     none = sized(scene, Uncertainty(), tracking=Tracking([0.0] * 7))
@@ -171,7 +171,7 @@ def test_without_sizes_the_world_is_as_it_was() -> None:
 
 
 def test_joints_that_follow_lag_as_what_they_follow(tmp_path: Path) -> None:
-    """Of parallel linkages every link is off by what moves it, in certificate, proof and sampled worlds alike."""
+    """Every link of a parallel linkage is off by what moves it, in certificate, proof and sampled worlds alike."""
     from ..linkage import linkage_urdf
 
     robot = hdplan.RobotSpec(urdf=linkage_urdf(tmp_path), tracking=Tracking({"lift": 0.01, "elbow": 0.005}))
@@ -192,7 +192,7 @@ def test_joints_that_follow_lag_as_what_they_follow(tmp_path: Path) -> None:
     assert unpack(prove(file, path).data)[0]["clearance"] >= certificate.clearance - 1e-4
 
 
-def test_what_no_proof_knows_is_refused_by_name() -> None:
+def test_sizes_beside_an_upright_path_are_refused_by_name() -> None:
     scene = load_scene("panda_cup")
     with pytest.raises(InputError, match=r"robot.tracking: is given, and no proof of path.upright covers it"):
         dataclasses.replace(scene, robot=dataclasses.replace(scene.robot, tracking=Tracking(0.001)))

@@ -445,7 +445,7 @@ def test_robots_are_those_of_pinocchio(file: str, tmp_path: Path, monkeypatch: p
 def test_every_robot_of_the_library_is_that_of_pinocchio(
     file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Or is refused, for the reason listed."""
+    """Some are refused, for the reason listed."""
     if file not in REFUSED:
         return robot_compared(file, tmp_path, 100, monkeypatch)
     with pytest.raises((RejectedError, ValueError), match=REFUSED[file]):

@@ -55,7 +55,7 @@ def test_another_description_in_the_robot_s_folder_is_rejected(cage: Content) ->
 
 
 def test_a_joint_that_follows_another_is_held_where_it_follows(cage: Content, tmp_path: Path) -> None:
-    """Where neither scene nor motion say so, a proof must not close one finger alone."""
+    """A proof must not close one finger alone where neither scene nor motion say so."""
     content, text = json.loads(cage[0].read_text()), find_scene("panda_cage").read_text()
     assert ", panda_finger_joint2: 0.04" in text
     del content["locked"]["panda_finger_joint2"]
@@ -83,7 +83,7 @@ def test_large_heads_and_many_groups_are_rejected_before_they_cost_memory(cage: 
 
 @pytest.mark.parametrize("terms", [3, 59, 61, 200, 800])
 def test_long_sums_are_enclosed(terms: int) -> None:
-    """Also where every addition loses half a unit of the last place."""
+    """Every addition may lose half a unit of the last place."""
     rng = np.random.default_rng(terms)
     for x in (np.append(1.0, np.full(terms - 1, 2.0**-53)), rng.normal(size=terms) * 10.0 ** rng.uniform(-6, 6, terms)):
         one = np.ones((terms, 2))
