@@ -49,21 +49,10 @@ def test_boxes_of_a_grid_are_just_its_cells(seed: int, tmp_path: Path) -> None:
             assert found["off"] < 1e-12
     low = single[0]
     empty = np.argwhere(~grid)[:1]
-    forged = [
-        expected[8:],
-        cells[:-8],
-        np.concatenate([expected, expected[:8]]),
-        expected + 0.4 * size,
-        expected + size,
-        expected[::-1],
-    ]
+    twice, moved = np.concatenate([expected, expected[:8]]), np.arange(len(expected))[:, None] == 3
+    forged = [expected[8:], cells[:-8], twice, expected + 0.4 * size, expected + size, expected[::-1]]
     forged += [np.concatenate([cells, corners(np.hstack([origin + size * empty, origin + size * (empty + 1)]))])]
-    forged += [
-        expected[:-1],
-        expected[:0],
-        expected * [1, 1, -1],
-        np.where(np.arange(len(expected))[:, None] == 3, expected + 1e-4, expected),
-    ]
+    forged += [expected[:-1], expected[:0], expected * [1, 1, -1], np.where(moved, expected + 1e-4, expected)]
     forged += [np.concatenate([cells, corners(np.hstack([origin + size * low, origin + size * low])[None])])]
     for each in forged:
         with pytest.raises(RejectedError):

@@ -65,15 +65,12 @@ def files_of(depth: Any, folder: Path) -> list[Path]:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_balls_are_those_of_the_planner_and_of_the_definition(seed: int, tmp_path: Path) -> None:
-    rng = np.random.default_rng(seed)
-    depth = image(rng)
+    depth = image(np.random.default_rng(seed))
     more = {"scale": 0.001, "range": [0.1, 3.0]} if seed % 2 else {}
     section = {"intrinsics": CAMERA, "radius": 0.002 * (seed % 3), **more}
-    camera = hdplan.DepthImage(depth, CAMERA)
-    planned = balls_in(read_cloud(hdplan.Cloud(camera, 0.002 * (seed % 3)), "")).array
+    planned = balls_in(read_cloud(hdplan.Cloud(hdplan.DepthImage(depth, CAMERA), section["radius"]), "")).array
     for file in files_of(depth, tmp_path):
         found = balls_of("depth", {"file": file.name, **section}, "a", tmp_path, Files())
-        assert found is not None
         np.testing.assert_allclose(found[0].mid, planned[:, :3], rtol=0, atol=1e-14)
         np.testing.assert_allclose(found[1], planned[:, 3], rtol=1e-11)
         assert (found[1] >= planned[:, 3] * (1 - 2e-12)).all()
@@ -313,9 +310,8 @@ def signed(proven: Files3, folder: Path, depth: dict[str, Any], view: dict[str, 
     content["obstacles"][0]["depth"] |= depth
     (folder / scene.name).write_text(json.dumps(content), encoding="utf-8")
     head, world, rest = unpacked(data)
-    files = {"scene": folder / scene.name, "depth panda_camera.npz": folder / scene.with_suffix(".npz").name}
-    for key, file in files.items():
-        head["files"][key] = hashlib.sha256(file.read_bytes()).hexdigest()
+    for key, name in (("scene", scene.name), ("depth panda_camera.npz", scene.with_suffix(".npz").name)):
+        head["files"][key] = hashlib.sha256((folder / name).read_bytes()).hexdigest()
     return folder / scene.name, motion, packed(head, world, rest)
 
 
@@ -438,7 +434,6 @@ def test_the_proof_says_which_points_are_the_image_of_a_robot_that_is_not_read(m
     cloud = {"points": [[0.0, 0.0, 0.0], [9.0, 9.0, 9.0]][0 if margin else 1 :], "radius": 0.01, "ignore_robot": margin}
     content = {"robot": {**SCENE["robot"], "urdf": "r.urdf.xacro"}, "obstacles": [{"name": "seen", "cloud": cloud}]}
     scene, motion = files(tmp_path, content, MOTION, URDF, "r.urdf.xacro")
-    proof = hdplan.prove(scene, motion)
-    taken = proof.text.splitlines()[0]
+    taken = hdplan.prove(scene, motion).text.splitlines()[0]
     assert taken.startswith("accepted in part; NOT read by the checker")
     assert ("seen (cloud)" in taken) == (margin > 0)

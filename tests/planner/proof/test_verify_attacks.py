@@ -20,7 +20,7 @@ from hdplan.verify.reading import read_world
 from hdplan.verify.robot_files import robot_of
 from hdplan.verify.text import strict_xml
 
-from .worlds import packed, read, unpacked, words_of
+from .worlds import packed, read, scene_files, unpacked, words_of
 
 Content = tuple[Path, dict[str, Any], dict[str, Any], bytes]
 
@@ -62,9 +62,8 @@ def test_a_joint_that_follows_another_is_held_where_it_follows(cage: Content, tm
     motion, scene = tmp_path / "m.json", tmp_path / "scene.yaml"
     motion.write_text(json.dumps(content))
     scene.write_text(text.replace(", panda_finger_joint2: 0.04", ""))
-    hashes = {
-        key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in (("scene", scene), ("motion", motion))
-    }
+    files = {"scene": scene, "motion": motion}
+    hashes = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in files.items()}
     head, world = {**cage[1], "files": {**cage[1]["files"], **hashes}}, cage[2]
     assert "panda_finger_joint2 at 0.04" in words_of(scene, motion, packed(head, world, cage[3]))
     for value in (0.038, 0.0):
@@ -96,14 +95,10 @@ def test_long_sums_are_enclosed(terms: int) -> None:
 @pytest.mark.parametrize("name", ["baxter", "tiago", "pr2", "panda", "alex_nub_hands", "xarm7", "a1"])
 def test_joints_come_in_the_order_in_which_a_scene_counts_them(name: str, tmp_path: Path) -> None:
     robot = hdplan.load_robot(hdplan.RobotSpec(name=name))
-    joints, ends = list(robot.joint_names)[::-1], json.dumps([0.0] * robot.n)
-    (tmp_path / "s.yaml").write_text(
-        f"hdplan: 1\nrobot: {{name: {name}}}\nstart: {{joints: {ends}}}\ngoal: {{joints: {ends}}}\n"
-    )
-    rows = np.zeros((2, len(joints))).tolist()
-    motion = {"hdplan_trajectory": 1, "joint_names": joints, "positions": rows}
-    (tmp_path / "m.json").write_text(json.dumps(motion))
-    world = read_world(tmp_path / "s.yaml", tmp_path / "m.json").world
+    joints, ends = list(robot.joint_names)[::-1], {"joints": [0.0] * robot.n}
+    scene = {"robot": {"name": name}, "start": ends, "goal": ends}
+    motion = {"joint_names": joints, "positions": np.zeros((2, robot.n)).tolist()}
+    world = read_world(*scene_files(tmp_path, scene, motion)).world
     assert [x["name"] for x in world["joints"] if x["follows"] is None] == joints[::-1]
     assert world["held"] == robot.locked
 
