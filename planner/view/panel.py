@@ -34,7 +34,7 @@ from hdplan.planner.view.things import Thing
 from hdplan.planner.view.time_plots import TimePlots
 from hdplan.planner.view.tree import Tree
 from hdplan.planner.view.uploads import LONGEST_NAME, check_size
-from hdplan.planner.view.words import OUTDATED, badge, clearance_words, small, tip_words, whats_next
+from hdplan.planner.view.words import OUTDATED, badge, clearance_words, next_words, small, tip_words, whats_next
 from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
@@ -197,15 +197,11 @@ class Panel:
         """Show the verdict in the scene."""
         viewer, active = self._viewer, self._viewer.motions.active
         holds = active is not None and viewer.document.holds(active)
-        content = badge(viewer.edited, None if active is None else active.motion, holds)
-        self._badge.content = content
+        self._badge.content = badge(viewer.edited, None if active is None else active.motion, holds)
 
     def say_next(self, words: str, bad: bool = False) -> None:
         """Show what to do or know now, in the two lines that are reserved for it."""
-        text = html.escape(words)
-        tint = " hd-bad" if bad else ""
-        content = f'<div class="hd hd-two{tint}" title="{text}">{text}</div>'
-        self._next.content = content
+        self._next.content = next_words(words, bad)
 
     def take_back(self) -> None:
         """Withdraw the words about the motions and of a moment: something failed."""

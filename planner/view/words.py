@@ -26,6 +26,12 @@ def small(text: str) -> str:
     return f'<div style="padding:0 0.9em;font-size:max(0.8em,11px)">{text}</div>' if text else ""
 
 
+def next_words(words: str, bad: bool = False) -> str:
+    """Return what to do or know now as HTML, in the two lines that are reserved for it."""
+    text = html.escape(words)
+    return f'<div class="hd hd-two{" hd-bad" if bad else ""}" title="{text}">{text}</div>'
+
+
 def contact_words(contacts: Sequence[Contact]) -> str:
     """Say which bodies touch, the deepest first, three at most."""
     return "; ".join(

@@ -20,6 +20,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.planner.view.drawing.handle import pose_of
+from hdplan.planner.view.drawing.motion import as_pose
 from hdplan.planner.view.drawing.nodes import RobotNodes
 from hdplan.planner.view.drawing.skins import ENDLESS, INSET, smaller
 from hdplan.planner.view.handles import Handles
@@ -259,9 +260,7 @@ def test_the_goal_follows_its_handle(viewer: Viewer) -> None:
     viewer.worker.settle(20)
     before = viewer.stage.tip.placement(viewer.edited.goal)
     near = viewer.stage.tip.placement(viewer.edited.goal + [0.05, -0.1, 0.08][: viewer.robot.n])
-    x, y, z, w = pin.Quaternion(near.rotation).coeffs().tolist()
-    pose = Pose(tuple(near.translation.tolist()), (x, y, z, w))
-    by_worker(viewer, lambda: viewer.panel.handles.drag(pose))
+    by_worker(viewer, lambda: viewer.panel.handles.drag(as_pose(near)))
     by_worker(viewer, viewer.panel.handles.let_go)
     after = viewer.stage.tip.placement(viewer.edited.goal).translation
     assert np.linalg.norm(after - near.translation) < 1e-3 < np.linalg.norm(after - before.translation)
@@ -409,9 +408,7 @@ def test_verdicts_stay_true_in_any_order_of_drags_plans_and_saves(
 
         def drag(handles: Handles = handles, viewer: Viewer = viewer) -> None:
             if handles.choice.value == str(GOAL):
-                place = viewer.stage.tip.placement(viewer.edited.goal + rng.normal(0.0, 0.05, viewer.robot.n))
-                x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
-                handles.drag(Pose(tuple(place.translation.tolist()), (x, y, z, w)))
+                handles.drag(viewer.stage.tip.pose(viewer.edited.goal + rng.normal(0.0, 0.05, viewer.robot.n)))
                 return
             (obstacle,) = (o for o in viewer.scene.obstacles if f"obstacle {o.name}" == handles.choice.value)
             position = np.array(obstacle.pose.position) + rng.normal(0.0, 0.1, 3) * [1, 1, 0]
