@@ -20,7 +20,7 @@ from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.newest import Newest
 from hdplan.planner.view.planning import NAME
-from hdplan.scenes.errors import HdplanError
+from hdplan.planner.view.words import failure_words
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -134,13 +134,9 @@ class Live:
 
         try:
             result = plan(_quick(edited.aimed), robot=edited.robot, guess=guess, time_limit=LIVE_LIMIT, stop=given_up)
-        except HdplanError as error:  # an end in collision, or no time law
-            text = str(error).removeprefix(f"{edited.scene.source}: ")
+        except Exception as error:  # an end in collision, no time law, or of a library: the viewer continues
+            text = failure_words(edited.scene, error)
             ask("live", lambda: self._say(text))
-            return
-        except Exception as error:  # of a library: the viewer continues
-            failure = f"{type(error).__name__}: {error}"
-            ask("live", lambda: self._say(failure))
             return
         if result.certified:
             self._slow = 0

@@ -20,9 +20,8 @@ from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.planner.view.drawing.colors import ITERATE
 from hdplan.planner.view.drawing.motion import sample_parameters
 from hdplan.planner.view.drawing.nodes import PathNode
-from hdplan.planner.view.words import small
+from hdplan.planner.view.words import failure_words, small
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -150,8 +149,7 @@ class Planning:
         try:
             result = run(self._report, self._stop.is_set)
         except BaseException as error:  # among them ends in collision, and Ctrl-C
-            known = isinstance(error, HdplanError)
-            text = str(error).removeprefix(f"{scene.source}: ") if known else f"{type(error).__name__}: {error}"
+            text = failure_words(scene, error)
             worker.ask("planned", lambda: self._finish(scene, None, text))
             raise
         worker.ask("planned", lambda: self._finish(scene, result, result.certificate.text))
