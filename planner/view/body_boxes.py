@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hdplan.planner.collision.halfspace_bodies import from_obstacle
-from hdplan.planner.geometry.clouds import boxes_mesh
+from hdplan.planner.geometry.drawn_shapes import boxes_mesh
 from hdplan.planner.view.drawing.colors import OUTER
 from hdplan.scenes.scene import Scene
 

@@ -13,7 +13,8 @@ import pinocchio as pin
 import viser
 from numpy.typing import NDArray
 
-from hdplan.planner.geometry.clouds import balls_in, boxes_mesh
+from hdplan.planner.geometry.clouds import balls_in
+from hdplan.planner.geometry.drawn_shapes import boxes_mesh
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import clearance_colors, height_colors
