@@ -182,7 +182,7 @@ def test_a_dragged_object_takes_its_stages_along_and_is_planned(opened: Open, sc
     assert viewer.first.scene is scene
 
 
-def test_what_was_refused_changes_nothing(opened: Open, scene: Scene, planned: JobResult) -> None:
+def test_refused_scenes_and_motions_change_nothing(opened: Open, scene: Scene, planned: JobResult) -> None:
     viewer = opened(scene, planned.trajectory)
     before = viewer.edited
     other = derived(scene, job=hdplan.Job([hdplan.Wait(1.0)]))
@@ -252,7 +252,7 @@ def test_layers_are_switched_and_follow_the_motion(opened: Open, scene: Scene, p
     assert layers._collisions is None
 
 
-def test_what_is_saved_is_read_again_and_certified(
+def test_saved_files_are_read_again_and_certified(
     opened: Open, scene: Scene, planned: JobResult, tmp_path: Path
 ) -> None:
     viewer = opened(scene, planned.trajectory)

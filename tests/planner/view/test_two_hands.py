@@ -144,7 +144,7 @@ def test_a_handle_that_another_one_replaced_moves_nothing(viewer: Viewer) -> Non
     assert viewer.panel.handles.selected == PRISM
 
 
-def test_what_was_typed_for_one_thing_does_not_change_another(viewer: Viewer) -> None:
+def test_a_value_typed_for_one_thing_does_not_change_another(viewer: Viewer) -> None:
     """Though that was selected before the worker came to it."""
     panel, before = viewer.panel, viewer.scene
     handle = field_of(panel.obstacles._fields, "clearance")

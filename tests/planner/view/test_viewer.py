@@ -241,7 +241,7 @@ def test_planning_streams_its_motions_and_ends_with_a_verdict(opened: Opener, sc
     assert_posed(viewer.stage.robot, result.trajectory.at(0.3))
 
 
-def test_what_is_saved_can_be_planned_and_checked(opened: Opener, scene: Scene, tmp_path: Path) -> None:
+def test_saved_files_can_be_planned_and_checked(opened: Opener, scene: Scene, tmp_path: Path) -> None:
     viewer = opened(scene)
     with pytest.raises(HdplanError, match="no motion"):
         viewer.panel.saving.motion_file()
