@@ -42,7 +42,7 @@ class Live:
         self._viewer, self._handles = viewer, handles
         gui = viewer.server.gui
         self.switch = gui.add_checkbox("live", True, hint="during a drag, keep planning from the last motion")
-        self._text = gui.add_html("")
+        self.text = gui.add_html("")
         self._say(IDLE)
         self._switched = False  # whether the user set the switch
         self.switch.on_update(lambda event: self.set(bool(self.switch.value)) if event.client else None)
@@ -55,11 +55,6 @@ class Live:
     def on(self) -> bool:
         """True if motions follow."""
         return bool(self.switch.value)
-
-    @property
-    def text(self) -> str:
-        """The text beside the switch, as HTML."""
-        return str(self._text.content)
 
     def set(self, on: bool) -> None:
         """Switch live planning by the user's choice, however long a plan takes."""
@@ -121,7 +116,7 @@ class Live:
 
     def _say(self, text: str) -> None:
         words = f'<div class="hd hd-under">{html.escape(text)}</div>'
-        self._text.content = words
+        self.text.content = words
 
     # --- the thread -----------------------------------------------------------------------------------------------
 

@@ -64,7 +64,7 @@ class Planning:
         self.watch = gui.add_checkbox(
             "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
         )
-        self._text = gui.add_html("")
+        self.text = gui.add_html("")
         self.iteration = gui.add_slider("iteration", 0, 1, 1, 0, disabled=True, hint="look back at the optimizer")
         self.iteration.on_update(lambda event: viewer.worker.ask("iterate", self._look_back) if event.client else None)
 
@@ -72,11 +72,6 @@ class Planning:
     def running(self) -> bool:
         """True if a motion is being planned."""
         return self._follows or (self._thread is not None and self._thread.is_alive())
-
-    @property
-    def text(self) -> str:
-        """The text below the button, as HTML."""
-        return str(self._text.content)
 
     def toggle(self) -> None:
         """Start, or stop."""
@@ -199,7 +194,7 @@ class Planning:
     def _finish(self, scene: Scene, result: PlanResult | None, text: str) -> None:
         viewer = self._viewer
         if self._path is not None:
-            self._path.remove()
+            self._path.node.remove()
             self._path = None
         self.button.label, self.button.icon = "Plan", viser.Icon.ROUTE
         self.stopped = result if self._stop.is_set() else None
@@ -236,7 +231,7 @@ class Planning:
         return motions.free_name(NAME)
 
     def _say(self, text: str) -> None:
-        self._text.content = small(html.escape(text))
+        self.text.content = small(html.escape(text))
 
 
 def row_times(scene: Scene, count: int) -> Array | None:

@@ -53,7 +53,7 @@ def sent(viewer: Viewer, handle: Any, value: object, wait: bool = True) -> None:
 
 def status(viewer: Viewer) -> str:
     """What the panel says of the last edit."""
-    return html.unescape(re.sub("<[^>]*>", "", viewer.panel.editing.text))
+    return html.unescape(re.sub("<[^>]*>", "", viewer.panel.editing.text.content))
 
 
 def selected(viewer: Viewer) -> Obstacle:
@@ -353,7 +353,7 @@ def test_the_planner_s_settings_are_those_of_the_plan(opened: Opener, scene: Sce
     viewer.panel.planning.toggle()
     until(lambda: not viewer.panel.planning.running, "the plan ends")
     assert viewer.worker.settle(20)
-    assert "seed" in viewer.panel.planning.text
+    assert "seed" in viewer.panel.planning.text.content
 
 
 def test_a_mesh_is_sent_and_saved_beside_the_scene(viewer: Viewer, tmp_path: Path) -> None:
