@@ -9,12 +9,12 @@ from hdplan import JobResult, Scene
 
 
 @pytest.fixture(scope="session")
-def scene() -> Scene:
-    return hdplan.load_scene("panda_pick_place")
+def planned() -> JobResult:
+    found = hdplan.plan_job(hdplan.load_scene("panda_pick_place"))
+    assert found.certified, found.text
+    return found
 
 
 @pytest.fixture(scope="session")
-def planned(scene: Scene) -> JobResult:
-    found = hdplan.plan_job(scene)
-    assert found.certified, found.text
-    return found
+def scene(planned: JobResult) -> Scene:
+    return planned.scene
