@@ -59,7 +59,7 @@ class Barriers:
         hulls: Sequence[LinkBody] = (),
         unguarded: Sequence[tuple[str, str]] = (),
     ) -> None:
-        """Lay out the pairs. `obstacles` are static; the bodies of a moving obstacle are given in its own frame.
+        """Assemble the pairs. `obstacles` are static; the bodies of a moving obstacle are given in its own frame.
 
         clearances: [m], by obstacle, added to the settings' growth. hulls: the links' own hulls, for `nearness`.
         unguarded: pairs of links that are left out, for the report.
@@ -71,7 +71,7 @@ class Barriers:
         standing, carried = Pieces.of(obstacles), Pieces.of([body for _, moved in movers for body in moved])
         others = Pieces.joined([standing, carried.on(kinematics.nj + owners)])
         size = np.linalg.norm(carried.boxes[:, :3, 3], axis=1) + np.linalg.norm(carried.half_sizes, axis=1)
-        self.obstacle_speed = self.movers.fastest(owners, size)  # of any obstacle [m/s]
+        self.obstacle_speed = self.movers.fastest(owners, size)  # greatest speed of an obstacle [m/s]
         extra = dict.fromkeys(others.names, 0.0) | dict(clearances or {})
         grown = settings.growth + np.array([*map(extra.__getitem__, others.names)])
         outer = _can_meet(robot, bodies, others, len(standing), grown)
@@ -86,7 +86,7 @@ class Barriers:
             levels.insert(0, PairLevel(bodies, others, outer, grown, supports, self.hulls, others, settings))
         self._names = (bodies, others.names, outer, self_pairs)
         self.count = len(outer) + len(self_pairs)  # P
-        self.obstacle_pairs = len(outer)  # which come first among the P
+        self.obstacle_pairs = len(outer)  # number of pairs with obstacles, which come first among the P
         self.coming = np.zeros(self.count, dtype=np.bool_)  # (P,) whether it is a pair with a moving obstacle
         self.coming[: len(outer)] = outer[:, 1] >= len(standing)
         stands = (np.arange(self.count) < len(outer)) & ~self.coming

@@ -12,7 +12,7 @@ brakes from it is known (`braking`). Where the robot is, the paper's rows are ke
 ∂Δ/∂q · u + ∂Δ/∂t ≥ −η (Δ − δ). These guide: their rate is a tenth of that of the others, so that they are felt first,
 and they are as smooth as the distance, whereas the others depend on how each joint brakes.
 
-For obstacles that stand still, η is η / (1 − (D̃_k/R)²) while the separation D̃_k is less than the horizon R, and from
+For static obstacles η is η / (1 − (D̃_k/R)²) while the separation D̃_k is less than the horizon R, and from
 there on a pair has no row, so that only near pairs are examined. Δ_k ≥ δ_k is kept by any rate κ(q) ≥ 0 that is
 bounded near Δ_k = δ_k, as Δ_k − δ_k falls no faster than exp(−∫κ dt) then; there D̃_k is far below R.
 

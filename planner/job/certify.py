@@ -55,10 +55,10 @@ class StageCertificate:
     ends: float  # [s]
     held: tuple[str, ...]  # objects that are held in it
     touch: Touch  # pairs that may touch in it
-    scene: Scene  # of its motion: one like any other
+    scene: Scene  # the scene of its motion, like any other
     trajectory: Trajectory  # its part of the motion, at its own times
     certificate: Certificate
-    arm: Scene | None = None  # of the arm that stands still, where fingers move
+    arm: Scene | None = None  # the scene of the arm, which stands still where fingers move
     notes: tuple[str, ...] = ()  # on pairs that may touch: far from each other, or overlapping
     blend: float = 0.0  # [m] radius of the blend into the next one; 0: it ends at rest
     passing: tuple[str, ...] = ()  # ends, "start" or "goal", where the robot does not stop
@@ -125,9 +125,9 @@ class JobCertificate:
     """The verdict on a whole job."""
 
     job: str  # the scene's name
-    stages: tuple[StageCertificate, ...]  # as far as the motion goes
+    stages: tuple[StageCertificate, ...]  # the stages that the motion has
     missing: tuple[str, ...] = ()  # the stages that the motion does not have
-    seen: tuple[str, ...] = ()  # notes on all of it: on points of clouds that were left out, and on stops
+    seen: tuple[str, ...] = ()  # notes on the whole job: points of clouds that were left out, stops
 
     @property
     def certified(self) -> bool:

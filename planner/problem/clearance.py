@@ -110,7 +110,7 @@ class Clearance(PairTerm):
 
     @property
     def loop(self) -> Record | None:
-        """The HD-SDF of standing bodies is one."""
+        """The HD-SDF of static bodies is one."""
         return self._term
 
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:

@@ -20,11 +20,12 @@ from hdplan.planner.control.mujoco_model import mujoco_xml
 from hdplan.planner.control.simulation import replay
 from hdplan.planner.robot.loads import carrying
 from hdplan.planner.robot.setup import Setup
+from tests.extras import mujoco, needs
 from tests.planner.replanning.driving import AtOnce
 
 from .rooms import FakeArm
 
-mujoco = pytest.importorskip("mujoco")
+pytestmark = needs("mujoco")
 
 Floats = NDArray[np.float64]
 LIMITS = hdplan.Limits(velocity="urdf", acceleration=7.5, jerk=500)

@@ -91,10 +91,10 @@ def test_a_handover_is_proven_in_full(files: Files) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"both": None}, "'bar' is no link or held object that moves"),  # nobody has it when the first lets go
+        ({"both": None}, "'bar' is not a link or held object that moves"),  # nobody has it when the first lets go
         ({"gives": None}, "one has to let go before an arm moves"),
         ({"both": {"link": "left_tool", "touch": TOUCH["left"]}}, "which moves with 'left_tool'"),
-        ({"both": {"link": "root", "touch": []}}, "'bar' is no link or held object that moves"),
+        ({"both": {"link": "root", "touch": []}}, "'bar' is not a link or held object that moves"),
         ({"both": {"link": "left", "touch": TOUCH["right"]}}, "'right' does not move with 'left'"),
         ({"meets": {"touch": TOUCH["right"]}}, None),  # another list of what touches
         ({"both": {"touch": []}}, None),
@@ -103,7 +103,7 @@ def test_a_handover_is_proven_in_full(files: Files) -> None:
         ({"brings": {"goal": hdplan.PoseTarget("left", hdplan.Pose())}}, None),  # of another link
         ({"brings": {"goal": hdplan.PoseTarget("bar", hdplan.Pose())}}, None),  # turned otherwise
         ({"comes": {"goal": hdplan.PoseTarget("bar", hdplan.Pose())}}, "nothing of this name is held"),
-        ({"away": {"link": "bar"}}, "'bar' is no link or held object that moves"),
+        ({"away": {"link": "bar"}}, "'bar' is not a link or held object that moves"),
         ({"carries": {"by": [0.202, 0.0, 0.0]}}, None),
         ({"carries": {"link": "left"}}, None),
         ({"carries": {"frame": "bar"}}, None),

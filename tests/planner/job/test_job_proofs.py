@@ -17,6 +17,7 @@ import hdplan
 from hdplan import InputError, Scene, StageMark, Trajectory
 from hdplan.planner.commands.verify import run_verify
 from hdplan.planner.job.proof import prove_job
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.verify.balls import HERE, RejectedError
 from hdplan.verify.bundle import parts_of
 from hdplan.verify.checking import check_job, check_part
@@ -71,10 +72,10 @@ def test_the_whole_job_is_accepted(files: tuple[Path, Path, bytes], capsys: pyte
     assert verdict.text.startswith("accepted: a job of 5 stages")
     assert len(read) == 7  # two where fingers move
     assert judged(scene, motion, data).whole  # the forger's pen writes what is read
-    assert run_verify(str(scene), motion, scene.with_suffix(".proof")) == 0
+    assert run_verify(GivenScene(str(scene)), motion, scene.with_suffix(".proof")) == 0
     assert "stage lift: accepted: over the whole motion" in capsys.readouterr().out
     with pytest.raises(InputError, match="--world: is about a single motion"):
-        run_verify(str(scene), motion, scene.with_suffix(".proof"), world=scene.with_name("world.json"))
+        run_verify(GivenScene(str(scene)), motion, scene.with_suffix(".proof"), world=scene.with_name("world.json"))
 
 
 def test_parts_are_those_of_the_stages(files: tuple[Path, Path, bytes]) -> None:

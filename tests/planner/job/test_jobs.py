@@ -17,6 +17,7 @@ import pytest
 import hdplan
 from hdplan import InputError, JobResult, Scene, Trajectory
 from hdplan.planner.commands.verify import run_verify
+from hdplan.planner.terminal.declared import GivenScene
 
 from .forging import Forgery, marked, shifted
 
@@ -146,11 +147,11 @@ def test_the_checker_accepts_the_proof_of_a_stage_that_touches(planned: JobResul
     stage.scene.save(scene)
     stage.trajectory.save(motion)
     hdplan.prove(scene, motion).save(proof)
-    assert run_verify(str(scene), motion, proof) == 0
+    assert run_verify(GivenScene(str(scene)), motion, proof) == 0
     written, touching = scene.read_text(encoding="utf-8"), '"touch_links": ["panda_leftfinger", "panda_rightfinger"]'
     assert written.count(touching) == 1
     scene.write_text(written.replace(touching, '"touch_links": []'), encoding="utf-8")
-    assert run_verify(str(scene), motion, proof) == 1
+    assert run_verify(GivenScene(str(scene)), motion, proof) == 1
 
 
 def test_a_forged_motion_is_not_certified(scene: Scene, planned: JobResult) -> None:

@@ -10,8 +10,9 @@ import pytest
 
 from hdplan import Trajectory, load_robot, load_scene
 from hdplan.planner.studies.anytime import AnytimeCurve, Moment, _measures, anytime_curves, anytime_rows, shares
+from tests.extras import needs
 
-pytest.importorskip("matplotlib")
+pytestmark = needs("matplotlib")
 
 
 def test_motions_get_better_and_are_counted_once() -> None:

@@ -20,8 +20,9 @@ from hdplan.distance.studies.unions import BODIES, PIECES, Cut
 from hdplan.planner.studies.distance import FILES, UNIONS_FILE, study_distance
 from hdplan.planner.studies.report import check_report, csv_text, markdown_text, png, short, write_report
 from hdplan.scenes.errors import InputError
+from tests.extras import needs
 
-pytest.importorskip("matplotlib")
+pytestmark = needs("matplotlib")
 
 
 def made_up(plan: Plan) -> Iterator[Entry]:

@@ -27,8 +27,9 @@ from hdplan.planner.studies.planning_runs import (
     variants,
 )
 from hdplan.scenes.targets import JointTarget
+from tests.extras import needs
 
-pytest.importorskip("matplotlib")
+pytestmark = needs("matplotlib")
 
 FEW = {"link_bodies": ("capsule", "fitted", "hull"), "normals": ("box", "sphere"), "solver": ("gauss_newton", "chomp")}
 ROUNDING = 2e-6  # [m] by which bodies of no radius of their own are enlarged
