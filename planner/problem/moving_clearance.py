@@ -87,8 +87,8 @@ def moving_clearance(
     deadline: float,
     closely: bool,
 ) -> tuple[MovingClearance, tuple[HalfspaceBody, ...], tuple[str, ...]]:
-    """Assemble the pairs of every moving link body with every moving obstacle; also return the obstacles' convex pieces,
-    and notes on how they were made.
+    """Assemble the pairs of every moving link body with every moving obstacle; also return the obstacles' convex
+    pieces, and notes on how they were made.
 
     supports: (nj, n) as Kinematics.supports. distance: makes the pairs' distance. deadline: as `problem.build`'s.
     closely: as `assemble`'s.
