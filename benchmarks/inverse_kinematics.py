@@ -83,9 +83,8 @@ def against(ssik: Any, name: str, poses: int) -> dict[str, Any]:
         count += len(others)
         for other in others if held else others[:1]:
             before = time.process_time()
-            found = np.vstack(
-                [closed_form_loop.branches(functions, x, wanted, other[None, held], other) for x in chains]
-            )
+            branches = [closed_form_loop.branches(functions, x, wanted, other[None, held], other) for x in chains]
+            found = np.vstack(branches)
             ours.append(time.process_time() - before)
             missed += _missed(found, [other] if held else others)
     row = {"arm": name, "solved by": ways[0].kind.name.lower(), "ssik's branches": count, "missed": missed}

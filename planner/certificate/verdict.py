@@ -63,17 +63,13 @@ class Place:
     link: str
     other: str  # an obstacle or another link
     distance: float  # [m] found there, negative in contact (minus the depth, 0 if unknown)
-    unknown: float = (
-        0.0  # [m] the part that the scene's uncertainties take: nominally the two are this much farther apart
-    )
+    unknown: float = 0.0  # [m] taken off for the scene's uncertainties: nominally the two are so much farther apart
 
     @property
     def words(self) -> str:
         """The distance, such as "3.2 mm", and what is unknown of it."""
-        found = f"{self.distance * 1e3:.3g} mm"
-        return (
-            f"{found} ({(self.distance + self.unknown) * 1e3:.3g} mm less the uncertainty)" if self.unknown else found
-        )
+        less = f" ({(self.distance + self.unknown) * 1e3:.3g} mm less the uncertainty)" if self.unknown else ""
+        return f"{self.distance * 1e3:.3g} mm{less}"
 
 
 class ProofFile(Protocol):

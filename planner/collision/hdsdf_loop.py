@@ -21,13 +21,7 @@ from hdplan.scenes.array_types import Array, Rows
 
 
 def hdsdf_rows(
-    loops: ModuleType,
-    tables: Record,
-    gamma: int,
-    length: float,
-    kinematics: KinematicsBatch,
-    sample: Rows,
-    pair: Rows,
+    loops: ModuleType, tables: Record, gamma: int, length: float, kinematics: KinematicsBatch, sample: Rows, pair: Rows
 ) -> tuple[Array, Array, Array]:
     """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs at samples."""
     count, placements = len(pair), kinematics.placements

@@ -92,10 +92,7 @@ def plan_job(
         pieces, unblended = blended(first, pieces, late)
         trajectory = joined(pieces, scene.job)
         certificate = certified_job(scene, trajectory, [piece.proven for piece in pieces])
-    noted = (
-        *(note for piece in pieces for note in piece.notes),
-        *certificate.notes,
-    )
+    noted = itertools.chain(*(piece.notes for piece in pieces), certificate.notes)
     notes = tuple(dict.fromkeys((*scene.notes, *noted, *unblended, *refused)))
     return JobResult(scene, trajectory, certificate, failure, seed, notes, time.perf_counter() - began)
 
