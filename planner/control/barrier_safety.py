@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import expit
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import C, twin_of
 from hdplan.distance.symbolic.box_kernel import axis_count
 from hdplan.planner.collision.halfspace_bodies import plane_counts
 from hdplan.scenes.errors import InputError
@@ -168,14 +168,17 @@ def touching_value(growth: float, gamma: int, length: float, inner: int, alike: 
     return -shaped(alike ** (-1 / p) * shaped(inner ** (1 / p) * growth, gamma, length), gamma, length)
 
 
+def _straightened(distance: Floats | float, gamma: int, length: float) -> tuple[Floats, Floats]:
+    given = np.asarray(distance, np.float64)
+    found = np.empty((2, *given.shape))
+    C.straightened(gamma, length, np.ascontiguousarray(given).reshape(-1), *found.reshape(2, -1))
+    return found[0], found[1]
+
+
+@twin_of(_straightened)
 def straightened(distance: Floats | float, gamma: int, length: float) -> tuple[Floats, Floats]:
     """Return the separations u (...) [m] with D = Φ(Φ(u)), those of one normal and one pair of vertices without the
     flat spot, and dD/du there: 0 and 0 for 0."""
-    if loops := library():
-        given = np.asarray(distance, np.float64)
-        found = np.empty((2, *given.shape))
-        loops.straightened(gamma, length, np.ascontiguousarray(given).reshape(-1), *found.reshape(2, -1))
-        return found[0], found[1]
     value, slope = np.abs(np.asarray(distance)), np.where(np.asarray(distance) != 0.0, 1.0, 0.0)
     for _ in range(2):
         value = unshaped(value, gamma, length)

@@ -11,7 +11,6 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.kinematics.closed_form import ClosedForm, Joints, Kind, choice, closed_form, joints_to
 from hdplan.planner.robot.link_frame import link_frame, link_poses
 from hdplan.planner.robot.loading import load_robot
@@ -21,10 +20,11 @@ from hdplan.planner.terminal.robots import inverse_kinematics_notes
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.targets import PoseTarget
+from tests.loops import needs_loops
 
 from ..urdf import joint_text, link_text, robot_text
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 # Origin and roll, pitch, yaw of each joint on the one before, and its axis; "slide" for the first one that slides.
 Joint = tuple[str, str, str]

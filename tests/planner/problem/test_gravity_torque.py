@@ -11,7 +11,6 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
@@ -34,6 +33,7 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.loops import in_numpy, needs_loops
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -123,7 +123,7 @@ def test_the_terms_derivatives_are_those_of_its_value(tmp_path: Path) -> None:
     assert (np.linalg.eigvalsh(value.curvature) >= -1e-12).all()
 
 
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 @pytest.mark.parametrize("name", ["panda", "sliding", "baxter"])
 def test_loop_and_twin_agree(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Chains, joints that slide and two arms; where no joint, one or all are overloaded."""
@@ -137,7 +137,7 @@ def test_loop_and_twin_agree(name: str, tmp_path: Path, monkeypatch: pytest.Monk
         term, samples = StaticTorque("static torque", measure, 0.02), Samples((40,))
         loop, depth = term.at_samples(kinematics, samples), term.depth(kinematics)
         with monkeypatch.context() as patch:
-            patch.setattr(gravity_torque, "library", lambda: None)
+            in_numpy(patch, gravity_torque)
             twin = term.at_samples(kinematics, samples)
             assert depth == pytest.approx(term.depth(kinematics), rel=1e-12, abs=1e-12)
         assert (loop is None) == (twin is None) == (share > 1.5)
