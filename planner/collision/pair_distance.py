@@ -21,8 +21,8 @@ class PairDistance(Protocol):
 
     @property
     def shaping(self) -> tuple[int, float, Record | None] | None:
-        """What the loops of C take: γ, the shaping length [m], and the solids between which it is exact. None without
-        loops, and by default of a distance that they do not know."""
+        """γ, the shaping length [m], and the solids between which it is exact, for the loops of C. None without these,
+        and by default for a distance that they do not know."""
         return None
 
     @property
