@@ -19,15 +19,14 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan.planner.kinematics import closed_form_loop
 from hdplan.planner.kinematics.closed_form import Joints, choice
 from hdplan.planner.robot.link_frame import end_effector, link_frame, link_poses
 from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.array_types import Array
 
-Array = NDArray[np.float64]
 ARMS = ("ur5", "z1", "puma560", "irb120", "kr6_r900", "jaco2", "xarm6", "franka_panda", "iiwa14", "gen3")
 ROBOTS = ("ur3", "ur5", "ur10", "z1", "kinova", "talos_left_arm", "panda", "xarm7")
 POSES, NEAREST, SAME = 100, 8, 1e-4

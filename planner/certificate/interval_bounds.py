@@ -20,11 +20,11 @@ import numpy as np
 from hdplan.distance.compiled.loops import Record, twin_of
 from hdplan.planner.certificate import bounds_loop
 from hdplan.planner.certificate.exact_proximity import DOUBTFUL_DIFFERENCE, best_direction, directions
-from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
+from hdplan.planner.certificate.intervals import Bodies, Intervals, Pairs
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.motion.motion_bounds import Motion, cross
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 GROUPED_FROM = 500  # bodies that stand, from which on it is worth while to bound groups of them
 GROUP_EDGE = 0.25  # [m] edge of the cubes whose bodies make a group
@@ -34,12 +34,12 @@ GROUP_EDGE = 0.25  # [m] edge of the cubes whose bodies make a group
 class Items:
     """Pairs on intervals that are still to be proven."""
 
-    node: Index  # (i,) row of the intervals
-    pair: Index  # (i,)
+    node: Rows  # (i,) row of the intervals
+    pair: Rows  # (i,)
     bound: Array  # (i,) proven so far [m]
     normal: Array  # (i, 3) direction to try, from b to a; 0 where there is none yet
 
-    def __getitem__(self, rows: Mask | Index) -> Items:
+    def __getitem__(self, rows: Mask | Rows) -> Items:
         """Return some of them."""
         return Items(self.node[rows], self.pair[rows], self.bound[rows], self.normal[rows])
 
@@ -48,7 +48,7 @@ class Items:
         return len(self.node)
 
     @classmethod
-    def all(cls, nodes: int, pairs: Index) -> Items:
+    def all(cls, nodes: int, pairs: Rows) -> Items:
         """Return every pair on every one of `nodes` intervals, with nothing known about them."""
         size = nodes * len(pairs)
         node, pair = np.repeat(np.arange(nodes), len(pairs)), np.tile(pairs, nodes)
@@ -79,7 +79,7 @@ class Bounds:
         bound = np.where(still[b], np.linalg.norm(outside, axis=1) - radius[first] - ROUNDING, -np.inf)
         return bound if bodies.sizes is None else bound - bodies.sizes.most(nodes, pairs)
 
-    def by_groups(self, nodes: Intervals) -> tuple[Array, Index] | None:
+    def by_groups(self, nodes: Intervals) -> tuple[Array, Rows] | None:
         """Return bounds (k, c) [m] over each interval, of bodies' bounding balls to balls around groups of what stands,
         and which of these columns bounds each pair (P,), −1 for none; None where little stands."""
         if self._grouped is None:
@@ -94,7 +94,7 @@ class Bounds:
         return bound.reshape(len(nodes.interval), -1), column
 
     @cached_property
-    def _grouped(self) -> tuple[Array, Array, Index] | None:
+    def _grouped(self) -> tuple[Array, Array, Rows] | None:
         """Balls around static bodies, by cubes of a grid: their middles (g, 3) and radii (g,) [m], and the column of
         each pair's first body and group (P,)."""
         bodies, (_, first) = self.bodies, self._first
@@ -142,7 +142,7 @@ class Bounds:
         return distance - self.bodies.radius[a] - travel, normal
 
     @cached_property
-    def _first(self) -> tuple[Index, Index]:
+    def _first(self) -> tuple[Rows, Rows]:
         """The first bodies of all pairs, links, few beside the obstacles; and which of them is in each pair."""
         links, first = np.unique(self.pairs.a, return_inverse=True)
         return links, first
@@ -216,7 +216,7 @@ class Bounds:
             )
         )
 
-    def _extremes(self, nodes: Intervals, node: Index, body: Index, motion: Motion, normal: Array) -> Array:
+    def _extremes(self, nodes: Intervals, node: Rows, body: Rows, motion: Motion, normal: Array) -> Array:
         """Return max_{x ∈ body} n·(x + s x') for s = 0, 1, −1: (3, i)."""
         row = nodes.row(node, body)
         turn, slide = cross(normal, motion.omega), np.einsum("ij,ij->i", normal, motion.velocity)

@@ -10,16 +10,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.array_types import Array
-
-Index = NDArray[np.int64]
+from hdplan.scenes.array_types import Array, Rows
 
 ROUNDING_JUMP = 1e-6  # [rad/s], [rad/s²] or their like: differences that rounding makes between equal values
 LIMIT_ROUNDING = 1e-9  # [–] relative, by which a value may exceed its limit
@@ -69,7 +64,7 @@ class LimitCheck(Protocol):
         """Prove the limits along a timed curve, or say where they do not hold."""
         ...
 
-    def values(self, quantity: str, curve: Curve, interval: Index, fraction: Array) -> Array:
+    def values(self, quantity: str, curve: Curve, interval: Rows, fraction: Array) -> Array:
         """Return a quantity (k, n) on intervals (k,) of a timed curve at fractions (k,) of them."""
         ...
 

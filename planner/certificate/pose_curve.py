@@ -15,11 +15,10 @@ from hdplan.distance.compiled.loops import Record, twin_of
 from hdplan.planner.certificate import places_loop
 from hdplan.planner.certificate.places_loop import CATCH_UP, LOOK_AHEAD, PARALLEL, SOONER
 from hdplan.planner.geometry.rotations import matrices_of, vectors_of
-from hdplan.planner.motion.curve import Index
 from hdplan.planner.motion.motion_bounds import cross
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.path_constraints import Follow
 
 
@@ -58,7 +57,7 @@ class PoseCurve:
         carried = rotations[:, self.joint]
         return carried @ self.own[:3, :3], carried @ self.own[:3, 3] + origins[:, self.joint]
 
-    def at(self, segment: Index, fraction: Array) -> tuple[Array, Array]:
+    def at(self, segment: Rows, fraction: Array) -> tuple[Array, Array]:
         """Return the curve's rotations (k, 3, 3) and origins (k, 3) at fractions (k,) of segments (k,)."""
         turned = matrices_of(fraction[:, None] * self.turns[segment])
         return turned @ self.rotations[segment], self.origins[segment] + fraction[:, None] * self.steps[segment]
@@ -175,7 +174,7 @@ class PoseCurve:
             return whole
         return first, last, float(places[first]), float(places[last])
 
-    def _turn_from(self, segment: Index, rotation: Array) -> Array:
+    def _turn_from(self, segment: Rows, rotation: Array) -> Array:
         """Return about which rotation vectors (k, 3) take the curve from where segments begin to a rotation, one
         (3, 3) or one for each (k, 3, 3)."""
         begins = self.rotations[segment]

@@ -18,17 +18,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.limit_checks import ROUNDING_JUMP, LimitFinding, Use
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.array_types import Array
-
-Index = NDArray[np.int64]
-
+from hdplan.scenes.array_types import Array, Rows
 
 SLOPE_ERROR = 1e-9  # relative, of the slope of a stair
 
@@ -51,7 +47,7 @@ class RateCheck:
         )
         return LimitFinding(uses, tuple(_complaints(uses, curve)), loads=self._lags)
 
-    def values(self, quantity: str, curve: Curve, interval: Index, fraction: Array) -> Array:
+    def values(self, quantity: str, curve: Curve, interval: Rows, fraction: Array) -> Array:
         """Return a derivative (k, n) on intervals (k,) at fractions (k,) of them."""
         return curve.over_time(DERIVATIVES[quantity]).at(interval, fraction)
 

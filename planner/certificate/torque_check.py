@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.limit_checks import ROUNDING_JUMP, LimitFinding, Use
 from hdplan.planner.certificate.torque_bounds import torque_curvature
@@ -23,10 +22,8 @@ from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.robot.loads import loads_in
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
-
-Index = NDArray[np.int64]
 
 SAMPLE_STEP = 2e-3  # [s] between samples at first, at most
 MOST_HALVINGS = 10  # of an interval before it counts as not proven: down to two microseconds
@@ -131,7 +128,7 @@ class TorqueCheck:
             checked = replace(checked, proven=proven, found=found, times=times)
         return replace(checked.finding(curve), loads=self.loads)
 
-    def values(self, quantity: str, curve: Curve, interval: Index, fraction: Array) -> Array:
+    def values(self, quantity: str, curve: Curve, interval: Rows, fraction: Array) -> Array:
         """Return the torques (k, n) on intervals (k,) at fractions (k,) of them."""
         q, v, a = (curve.over_time(order).at(interval, fraction) for order in range(3))
         data = self.model.createData()
@@ -212,14 +209,14 @@ class _Torques:
         self.found, self.times = np.zeros(robot.n), np.zeros(robot.n)
         self.overload: Overload | None = None
         self.overloaded: set[int] = set()
-        self.points: list[tuple[Index, Array]] = []
+        self.points: list[tuple[Rows, Array]] = []
 
     @property
     def samples(self) -> int:
         """The number of points at which torques were computed."""
         return sum(len(interval) for interval, _ in self.points)
 
-    def at(self, interval: Index, fraction: Array) -> Array:
+    def at(self, interval: Rows, fraction: Array) -> Array:
         """Return the torques (k, n) on intervals (k,) at fractions (k,) of them."""
         q, v, a = (order.at(interval, fraction) for order in self.orders[:3])
         rows = zip(self.robot.pin_q(q), v, a, strict=True)
@@ -246,7 +243,7 @@ class _Torques:
             name, torque = self.robot.joint_names[joint], float(abs(gravity[row, joint]))
             self.overload = Overload(name, when, torque, float(self.limits[joint]))
 
-    def _times(self, interval: Index, fraction: Array) -> Array:
+    def _times(self, interval: Rows, fraction: Array) -> Array:
         """The times [s] of points."""
         curve = self.orders[0]
         start = np.zeros(len(curve)) if curve.times is None else curve.times

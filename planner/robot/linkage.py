@@ -13,14 +13,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import ReadOnly, read_only
 from hdplan.scenes.robot_files.description import Tree
-
-Index = NDArray[np.int64]
 
 MOST_FACTOR = 1e3  # multiplier, and offset [rad or m], of a joint that follows
 
@@ -56,10 +53,10 @@ class Linkage(ReadOnly):
     """The m joints of a model, and how they move with the n planned ones among them."""
 
     names: tuple[str, ...]  # (m,) in the model's order
-    leader: Index  # (m,) the planned joint that moves each
+    leader: Rows  # (m,) the planned joint that moves each
     factor: Array  # (m,) 1 for the planned ones
     offset: Array  # (m,) 0 for the planned ones
-    own: Index  # (n,) which of the m joints the planned ones are
+    own: Rows  # (n,) which of the m joints the planned ones are
 
     @classmethod
     def of(cls, names: tuple[str, ...], rules: Mapping[str, Rule]) -> Linkage:

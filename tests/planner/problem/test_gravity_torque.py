@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
@@ -36,8 +35,6 @@ from hdplan.scenes.yaml_format.reader import load_scene
 from tests.loops import in_numpy, needs_loops
 
 from ..urdf import joint_text, link_text, write_robot
-
-Floats = NDArray[np.float64]
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes" / "shipped"
 ON_A_WALL = Pose((0.3, -0.2, 0.9), (0, 0.6, 0, 0.8))
