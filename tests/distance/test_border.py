@@ -137,7 +137,7 @@ def run_scenes() -> None:
 
 @pytest.fixture(scope="module")
 def recorded() -> dict[str, list[Call]]:
-    """Of every function, the first call for each pattern of Nones, with arrays that are not empty where there are."""
+    """The first call of every function for each pattern of Nones, with arrays that are not empty where there are."""
     found: dict[tuple[Any, ...], Call] = {}
 
     def recording(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -164,7 +164,7 @@ def recorded() -> dict[str, list[Call]]:
 
 
 def names_of(function: Callable[..., Any], given: Call) -> list[str]:
-    """Each argument's name, by what the border says of a call that ends before it."""
+    """Each argument's name, from the border's words on a call that ends before it."""
     names = []
     for count in range(len(given)):
         with pytest.raises(TypeError, match=r"^\w+: \w+ is missing$") as caught:
@@ -251,7 +251,7 @@ def with_one(given: Call, place: int, value: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_wrong_is_named(name: str, recorded: dict[str, list[Call]]) -> None:
+def test_a_wrong_argument_is_named(name: str, recorded: dict[str, list[Call]]) -> None:
     assert name in recorded, f"no scene of SCENES calls {name}"
     function = functions()[name]
     for given in recorded[name]:
@@ -282,7 +282,7 @@ def other_structs(recorded: dict[str, list[Call]], given: Call) -> list[list[Any
 
 
 def kind_of(struct: Any) -> str:
-    """Its kind, which `repr` says."""
+    """Kind of a struct, from its `repr`."""
     return repr(struct) if type(struct).__name__ == "Struct" else ""
 
 
@@ -340,7 +340,7 @@ def test_rows_that_are_not_there_are_refused(name: str, recorded: dict[str, list
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_written_overlaps_nothing(name: str, recorded: dict[str, list[Call]]) -> None:
+def test_outputs_overlap_nothing(name: str, recorded: dict[str, list[Call]]) -> None:
     function = functions()[name]
     for given in recorded[name]:
         arrays = [place for place, each in enumerate(given) if isinstance(each, np.ndarray) and each.size]
@@ -449,7 +449,7 @@ def test_structs_are_made_by_their_functions_alone(recorded: dict[str, list[Call
 
 @pytest.fixture(scope="module")
 def frozen() -> Iterator[None]:
-    """What stands already is left out of collections, each of which would take half a second with it."""
+    """Objects that stand already are left out of collections, each of which would take half a second with them."""
     gc.collect()
     gc.freeze()
     yield
@@ -514,7 +514,7 @@ def test_a_pickled_record_makes_its_struct_again(recorded: dict[str, list[Call]]
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="no fork on this system")
 def test_structs_outlive_a_fork(recorded: dict[str, list[Call]], tmp_path: Path) -> None:
-    """In a process of its own: this one may have threads, which do not survive a fork."""
+    """A process of its own forks: this one may have threads, which do not survive a fork."""
     given, placed = tree_of(recorded)
     program = """
 import os, pickle, sys

@@ -155,7 +155,7 @@ def form_of(robot: Robot, target: PoseTarget) -> ClosedForm:
 
 
 def assert_reached(robot: Robot, target: PoseTarget, found: np.ndarray) -> None:
-    """By Pinocchio's kinematics, to 1e-9, within the limits."""
+    """Pinocchio's kinematics confirm each to 1e-9, within the limits."""
     assert np.isfinite(found).all()
     assert np.all((robot.lower <= found) & (found <= robot.upper))
     off = np.linalg.inv(target.pose.matrix) @ link_poses(robot, found, link_frame(robot, target.link, ""))
@@ -182,7 +182,7 @@ def test_whatever_the_configuration_its_branch_is_found(name: str, load: Load) -
 
 
 @pytest.mark.parametrize("name", ["ur5", "kinova", "kr6", "xarm6"])
-def test_what_a_search_finds_is_among_them(name: str, load: Load) -> None:
+def test_configurations_found_by_a_search_are_among_the_branches(name: str, load: Load) -> None:
     robot = load(name)
     rng, total, missed = np.random.default_rng(9), 0, 0
     for q in robot.draw(rng, 8):
@@ -233,7 +233,7 @@ def test_a_free_rotation_is_one_more_joint(name: str, free: str, load: Load) -> 
 
 
 @pytest.mark.parametrize("name", ["ur5", "kinova", "panda", "iiwa14", "fetch", "xarm6"])
-def test_where_the_arm_is_singular_answers_are_finite_and_true(name: str, load: Load) -> None:
+def test_branches_of_singular_arms_are_finite_and_true(name: str, load: Load) -> None:
     """Straight, folded, and with a wrist or a shoulder whose axes lie in one line."""
     robot = load(name)
     rng = np.random.default_rng(8)
@@ -277,7 +277,7 @@ def test_arms_without_a_closed_form_are_searched(load: Load) -> None:
 
 
 def test_a_chain_moved_as_a_whole_is_solved_in_the_same_way() -> None:
-    """Also where several ways are equally good: no rounding decides."""
+    """No rounding decides where several ways are equally good."""
     rng = np.random.default_rng(11)
     robot = load_robot(RobotSpec("panda"))
     chains = [joints_to(robot, robot.model.getFrameId("panda_hand"), free) for free in ("none", "x", "y", "z")]

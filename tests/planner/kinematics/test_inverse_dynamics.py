@@ -242,7 +242,7 @@ def test_the_robots_own_model_stays_as_it_is() -> None:
     np.testing.assert_array_equal(before, [inertia.matrix() for inertia in bare.inertias])
 
 
-def test_what_no_robot_and_no_body_has_is_refused_by_name() -> None:
+def test_unknown_robots_and_bodies_are_refused_by_name() -> None:
     robot = _robot("panda")
     with pytest.raises(InputError, match=r"test.yaml: payload.link: panda has no link 'panda_hnd' \(did you mean 'pan"):
         _ = Setup.of(_scene(payload=replace(LOAD, link="panda_hnd")), robot).loaded_model

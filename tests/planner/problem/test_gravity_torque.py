@@ -174,8 +174,8 @@ def test_ends_that_gravity_overloads_are_refused() -> None:
         plan(replace(scene, goal=JointTarget("goal", (0.0, 0.0))))
 
 
-def test_where_the_straight_way_is_too_heavy_another_is_found() -> None:
-    """Level and stretched the arm with its load asks 23.5 Nm of the shoulder: it has to fold its elbow."""
+def test_another_way_is_found_where_the_straight_one_is_too_heavy() -> None:
+    """Level and stretched the arm with its load needs 23.5 Nm at the shoulder: it has to fold its elbow."""
     load = Payload("forearm", 1.0, (0.5, 0.0, 0.0))
     scene = _scene(12.0, load)
     robot = load_scene_robot(scene)

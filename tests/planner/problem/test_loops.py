@@ -84,7 +84,7 @@ def test_one_configuration_or_none(problem: Problem) -> None:
 
 
 def test_a_step_as_by_scipy(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where coordinates are held at their limits, and of motions with very few waypoints."""
+    """Coordinates held at their limits, and motions with very few waypoints, too."""
     for positions in [*motions(problem, 5), problem.polyline()[[0, 1, -1]], problem.polyline()[[0, 1, 2, -1]]]:
         tried = positions.copy()
         tried[1] = problem.robot.inner[1]
