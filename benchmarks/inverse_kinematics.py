@@ -21,6 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 import hdplan
+from hdplan.distance.poses import placement_rows
 from hdplan.planner.kinematics import closed_form_loop
 from hdplan.planner.kinematics.closed_form import Joints, choice
 from hdplan.planner.robot.link_frame import end_effector, link_frame, link_poses
@@ -72,7 +73,7 @@ def against(ssik: Any, name: str, poses: int) -> dict[str, Any]:
     drawn = np.random.default_rng(0).uniform(-np.pi, np.pi, (poses, arm.dof))
     for q in drawn:
         place = arm.fk(q)
-        wanted = np.concatenate([place[:3, :3].ravel(), place[:3, 3]])
+        wanted = placement_rows(place)
         near = {"q_seed": q, "max_solutions": NEAREST} if held else {}
         before = time.process_time()
         others = [each.q for each in arm.solve(place, respect_limits=False, enumerate_windings=False, **near)]

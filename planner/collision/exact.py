@@ -23,6 +23,7 @@ import numpy as np
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled.loops import C, Record, twin_of
+from hdplan.distance.poses import placement_rows
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -92,7 +93,7 @@ class ExactPairs(PairDistance):
             np.concatenate([*(each.rows for each, box in zip(held, boxes, strict=True) if not box), corners.ravel()]),
             *(np.array([each.disc for each in swept]), np.array([each.radii for each in swept])),
             np.array([each.ball for each in swept]),
-            *(np.hstack([places[:, :3, :3].reshape(-1, 9), places[:, :3, 3]]), self.pairs.margins),
+            *(placement_rows(places), self.pairs.margins),
         )
 
     @cached_property

@@ -21,6 +21,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hdplan.distance.compiled.loops import C, Record
+from hdplan.distance.poses import placement_rows
 from hdplan.planner.kinematics import closed_form_loop
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.pin_model import motion_axes
@@ -90,7 +91,7 @@ class Way(NamedTuple):
     def chain(self, joints: Joints, lower: Array, upper: Array) -> Record:
         """Return the chain for the loop, with limits (k,)."""
         solved = np.setdiff1d(np.arange(len(joints.turns)), self.held)
-        tip = np.concatenate([joints.tip[:3, :3].ravel(), joints.tip[:3, 3]])
+        tip = placement_rows(joints.tip)
         places = (joints.turns, solved, joints.directions, joints.points, tip, lower, upper)
         return Record("six_joints", len(joints.turns), int(self.kind), self.first, int(self.backwards), *places)
 
@@ -126,8 +127,7 @@ class ClosedForm(NamedTuple):
         others as in `branches`."""
         own = self.planned >= 0
         start = np.where(own, seed[self.planned], 0.0)
-        pose = target.pose.matrix
-        wanted = np.concatenate([pose[:3, :3].ravel(), pose[:3, 3]])
+        wanted = placement_rows(target.pose.matrix)
         each = [closed_form_loop.branches(chain, wanted, values, start) for chain in self.chains]
         rows = each[0]
         for more in each[1:]:

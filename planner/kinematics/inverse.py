@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hdplan.distance.compiled.loops import C, Record
+from hdplan.distance.poses import placement_rows
 from hdplan.planner.geometry.rotations import vectors_of
 from hdplan.planner.kinematics import inverse_loop
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch, kinematics_of
@@ -157,7 +158,7 @@ def _loops(links: tuple[LinkPose, ...], tolerances: Array) -> inverse_loop.Loops
     joints = np.array([link.joint for link in links], np.int64)
     freedoms = np.array([("x", "y", "z", "none", "all").index(link.target.free_rotation) for link in links], np.int64)
     placed, wanted = (
-        np.array([[*matrix[:3, :3].ravel(), *matrix[:3, 3]] for matrix in matrices])
+        placement_rows(np.array(matrices))
         for matrices in ([link.placement for link in links], [link.target.pose.matrix for link in links])
     )
     limits, rule = (tolerances.ravel(), robot.lower, robot.upper), np.array([PARALLEL_SINE, DAMPING, LONGEST_STEP])

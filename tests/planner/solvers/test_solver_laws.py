@@ -33,6 +33,7 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Sphere
 from hdplan.scenes.targets import JointTarget
+from tests.planner.problem.whole_graph import whole_matrix
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -176,13 +177,7 @@ def penalty_gradient(problem: Problem, positions: Array) -> Array:
 def gauss_newton(problem: Problem, positions: Array) -> Array:
     """The penalty's Gauss-Newton matrix (M n, M n), from its blocks."""
     state = problem.evaluate(positions, 1.0)
-    count, n = state.gradient.shape
-    matrix = np.zeros((count, n, count, n))
-    for k in range(count):
-        matrix[k, :, k] = state.diagonal[k]
-    for k in range(count - 1):
-        matrix[k, :, k + 1], matrix[k + 1, :, k] = state.coupling[k], state.coupling[k].T
-    return matrix.reshape(count * n, count * n)
+    return whole_matrix(state.diagonal, state.coupling)
 
 
 every_term = pytest.mark.parametrize(
@@ -343,16 +338,20 @@ def in_hulls(scene: Scene) -> Scene:
     return dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, link_bodies="hull"))
 
 
+def assert_mirrored(scene: Scene, signs: Array, solver: str) -> None:
+    """The motion is that of the mirrored scene, whose joints turn by these signs."""
+    problem = build(scene)
+    image = between(scene, signs * problem.start, signs * problem.goal)
+    image = dataclasses.replace(image, obstacles=tuple(map(mirrored, scene.obstacles)))
+    one, other = run(scene, solver), run(image, solver)
+    assert_same_motion(one, signs * other.trajectory.positions, other, FITTED)
+
+
 @every_solver
 def test_a_mirrored_plane_gives_the_mirrored_motion(solver: str) -> None:
     """The planar arm seen in the x-z plane: q → −q."""
     scene = shipped("planar_arm")
-    scene = in_hulls(dataclasses.replace(scene, obstacles=(*scene.obstacles, BLOCK)))
-    problem = build(scene)
-    image = between(scene, -problem.start, -problem.goal)
-    image = dataclasses.replace(image, obstacles=tuple(map(mirrored, scene.obstacles)))
-    one, other = run(scene, solver), run(image, solver)
-    assert_same_motion(one, -other.trajectory.positions, other, FITTED)
+    assert_mirrored(in_hulls(dataclasses.replace(scene, obstacles=(*scene.obstacles, BLOCK))), -np.ones(2), solver)
 
 
 SIGNS = np.array([-1.0, 1.0, -1.0, 1.0])  # of joints about z, y, x, y in the x-z plane's mirror
@@ -388,23 +387,12 @@ ROUND = (Sphere(0.13), Cylinder(0.1, 0.4), Capsule(0.1, 0.3))
 def test_round_bodies_are_mirrored_too(symmetric_arm: Scene, shape: Sphere | Cylinder | Capsule) -> None:
     """Their planes stand for them in the problem, and are their own mirror images."""
     leaning = Obstacle("round", shape, about((1, 0.3, 1), 0.3, (0.7, 0.05, 0.5)))
-    scene = dataclasses.replace(symmetric_arm, obstacles=(leaning,))
-    problem = build(scene)
-    image = between(scene, SIGNS * problem.start, SIGNS * problem.goal)
-    one, other = (
-        run(scene, "gauss_newton"),
-        run(dataclasses.replace(image, obstacles=(mirrored(leaning),)), "gauss_newton"),
-    )
-    assert_same_motion(one, SIGNS * other.trajectory.positions, other, FITTED)
+    assert_mirrored(dataclasses.replace(symmetric_arm, obstacles=(leaning,)), SIGNS, "gauss_newton")
 
 
 @every_solver
 def test_a_mirrored_scene_gives_the_mirrored_motion(symmetric_arm: Scene, solver: str) -> None:
-    problem = build(symmetric_arm)
-    image = between(symmetric_arm, SIGNS * problem.start, SIGNS * problem.goal)
-    image = dataclasses.replace(image, obstacles=tuple(map(mirrored, symmetric_arm.obstacles)))
-    one, other = run(symmetric_arm, solver), run(image, solver)
-    assert_same_motion(one, SIGNS * other.trajectory.positions, other, FITTED)
+    assert_mirrored(symmetric_arm, SIGNS, solver)
 
 
 # --- symmetries of time -----------------------------------------------------------------------------------------------
