@@ -102,7 +102,7 @@ def plan(
     The motion is smooth in joint space: straight between its waypoints, or with times, velocities and accelerations
     where the scene needs them. It is certified over its whole length, not only at samples, against the robot's
     collision meshes and the scene's own shapes. Where the proof fails, planning continues from there or from another
-    initial guess, until the time limit.
+    guess, until the time limit.
 
     In a scene with a job, all stages are planned, one after the other; the exit code is 1 if one of them fails.
 

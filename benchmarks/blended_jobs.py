@@ -44,10 +44,8 @@ def rounds(count: int, first: int) -> Iterator[tuple[str, hdplan.Scene]]:
                 hdplan.Set({"gripper": place % 2 == 0}),
                 hdplan.Line(by=[0.0, 0.0, DOWN], link=link, blend=BLEND if place < PLACES - 1 else 0.0),
             ]
-        scene = hdplan.Scene(
-            robot=arm, name=f"{arm}, round {number}", start=start, limits=LIMITS, job=hdplan.Job(stages)
-        )
-        yield scene.name, scene
+        name = f"{arm}, round {number}"
+        yield name, hdplan.Scene(robot=arm, name=name, start=start, limits=LIMITS, job=hdplan.Job(stages))
 
 
 def at_rest(scene: hdplan.Scene) -> hdplan.Scene:

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import resource
 import sys
 import tempfile
 import time
@@ -25,6 +24,8 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from cells import milliseconds
+from memory import most_memory
 from problems import RealProblem, problem_parser, real_problems
 from recheck_cloud import touching
 
@@ -39,6 +40,7 @@ SPACING, RADIUS = 0.005, 0.005  # [m]
 NOISE, OUTLIERS, OFF = 0.002, 0.01, 0.05  # [m] along the ray, share of the points, [m] by at most which these are off
 JITTER = 0.0005  # [m] by which points of the next cloud are elsewhere
 CAMERAS = ((1.6, 1.2, 1.4), (1.6, -1.2, 1.4), (-0.4, 0.0, 2.2))  # [m] three eyes, around the robot
+TIMES = {"read + build + solve": "plan", "certificate": "certify", "next cloud": "next"}
 AIM = (0.5, 0.0, 0.5)
 FOLLOWED, WARM = 2.0, 5  # [s], steps
 PIXELS, OPENING = 480, np.radians(60.0)  # along both sides of each picture, and its opening
@@ -137,10 +139,6 @@ def steps_along(scene: hdplan.Scene, motion: hdplan.Trajectory) -> Array:
     return np.array(times[WARM:])
 
 
-def _spread(values: Array, high: int = 95, digits: int = 0) -> str:
-    return f"{np.median(values):.{digits}f} / {np.percentile(values, high):.{digits}f}" if len(values) else "–"
-
-
 def main() -> None:
     """Plan, print."""
     parser = problem_parser(__doc__)
@@ -158,35 +156,22 @@ def main() -> None:
                     got = run(problem, view, count, not options.no_recheck, options.time_limit, Path(temporary))
                     done.append(got)
                     figures = " ".join(f"{key} {value:.3f}" for key, value in got.items() if isinstance(value, float))
-                    words = (
-                        problem.set,
-                        problem.number,
-                        view,
-                        got["points"],
-                        got["status"],
-                        figures,
-                        got.get("recheck"),
-                    )
+                    words = problem.set, problem.number, view, got["points"], got["status"], figures, got.get("recheck")
                     print(*words, got["words"] if got["status"] != "certified" else "", file=sys.stderr, flush=True)
             certified = [got for got in done if got["status"] == "certified"]
-            keys = ("plan", "certify", "next")
-            times = {key: np.array([1e3 * got[key] for got in certified if key in got]) for key in keys}
-            steps = 1e3 * np.concatenate([np.empty(0), *(got["steps"] for got in certified if "steps" in got)])
-            rows.append(
-                {
-                    "robot": robot,
-                    "view": view,
-                    "points, median": f"{np.median([got['points'] for got in done]):.0f}",
-                    "certified": f"{len(certified)} of {len(done)}",
-                    "ends in contact": sum(got["status"] == "refused" for got in done),
-                    "refuted": "–" if options.no_recheck else sum("refuted" in got["recheck"] for got in certified),
-                    "read + build + solve, median / 95 % [ms]": _spread(times["plan"]),
-                    "certificate, median / 95 % [ms]": _spread(times["certify"]),
-                    "next cloud, median / 95 % [ms]": _spread(times["next"]),
-                    "controller, a step, median / 99 % [ms]": _spread(steps, 99, 1),
-                    "memory [MB]": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
-                }
-            )
+            row = {
+                "robot": robot,
+                "view": view,
+                "points, median": f"{np.median([got['points'] for got in done]):.0f}",
+                "certified": f"{len(certified)} of {len(done)}",
+                "ends in contact": sum(got["status"] == "refused" for got in done),
+                "refuted": "–" if options.no_recheck else sum("refuted" in got["recheck"] for got in certified),
+            }
+            for title, key in TIMES.items():
+                row[f"{title}, median / 95 % [ms]"] = milliseconds([got[key] for got in certified if key in got])
+            steps = np.concatenate([np.empty(0), *(got["steps"] for got in certified)])
+            row["controller, a step, median / 99 % [ms]"] = milliseconds(steps, (0.5, 0.99), 1)
+            rows.append(row | {"memory [MB]": most_memory() // 2**20})
     print(markdown_text(rows))
 
 

@@ -23,22 +23,13 @@ SOURCE = Path(__file__).with_name("coal_loop.cpp")
 
 def build(folder: Path) -> tuple[Path | None, str]:
     """Return the program, or None and why there is none."""
-    compiler = next(
-        (name for name in (os.environ.get("CXX"), "c++", "g++", "clang++") if name and shutil.which(name)), ""
-    )
+    names = (os.environ.get("CXX"), "c++", "g++", "clang++")
+    compiler = next((name for name in names if name and shutil.which(name)), "")
     if not compiler:
         return None, "no C++ compiler (c++, g++, clang++)"
-    prefix = next(
-        (path for path in Path(coal.__file__).parents if (path / "include" / "coal" / "distance.h").exists()), None
-    )
-    eigen = next(
-        (
-            path
-            for path in (Path(casadi.__file__).parent / "include" / "eigen3", Path("/usr/include/eigen3"))
-            if path.exists()
-        ),
-        None,
-    )
+    prefix = next((path for path in Path(coal.__file__).parents if (path / "include/coal/distance.h").exists()), None)
+    places = (Path(casadi.__file__).parent / "include" / "eigen3", Path("/usr/include/eigen3"))
+    eigen = next((path for path in places if path.exists()), None)
     if prefix is None or eigen is None:
         return None, f"no headers of {'coal' if prefix is None else 'Eigen'}"
     program = folder / "coal_loop"
@@ -59,22 +50,14 @@ class CoalLoop:
         self._program, self._file = program, program.with_name("poses.bin")
         parts: list[Array] = []
         for body in (body_a, body_b):
-            faces = triangles(body)
-            parts += [
-                np.array([len(body.vertices), len(faces)], float),
-                body.vertices.ravel(),
-                faces.ravel().astype(float),
-            ]
-        rows = [
-            np.concatenate([x[:3, :3].ravel(), x[:3, 3], y[:3, :3].ravel(), y[:3, 3]])
-            for x, y in zip(a, b, strict=True)
-        ]
-        np.concatenate([*parts, [len(a)], *rows]).tofile(self._file)
+            faces = triangles(body).astype(float)
+            parts += [np.array([len(body.vertices), len(faces)], float), body.vertices.ravel(), faces.ravel()]
+        rows = [part.reshape(len(a), -1) for x in (a, b) for part in (x[:, :3, :3], x[:, :3, 3])]
+        np.concatenate([*parts, [len(a)], np.hstack(rows).ravel()]).tofile(self._file)
 
     def seconds(self) -> tuple[float, float]:
         """Return the processor time of a query [s] in a round that follows another, and the mean distance [m]."""
-        out = subprocess.run(
-            [str(self._program), str(self._file), "2"], capture_output=True, text=True, check=True
-        ).stdout
+        command = [str(self._program), str(self._file), "2"]
+        out = subprocess.run(command, capture_output=True, text=True, check=True).stdout
         taken, total = map(float, out.splitlines()[-1].split())
         return taken, total

@@ -1,7 +1,7 @@
 """Random requests within limits of torque, with a link upright, or with a point in a box: all that can be done?
 
     python benchmarks/constrained.py [--requests N] [--from J] [--kinds torque upright position] [--limit S] [--dense S]
-    [--processor-time] [--csv F]
+    [--processor-time]
 
 Each request has a robot (Panda, UR5) among random boxes, ends that are free and allowed, a tolerance, a box or a load
 and torque limits of its own, and is drawn with its number as the seed. Half of the goals are poses, and half of the
@@ -9,9 +9,6 @@ motions with path constraints are timed. Each is planned within --limit seconds;
 dense search (`dense_search.py`) of --dense seconds to the configurations that may be its goal, and what that finds is
 certified as it is, or planned from as a guess. Requests that are certified only so are those that planning missed; of
 those without a way nothing is known. Prints a row for each kind, and the missed ones by number.
-
-With --csv each request is written as soon as it is done, and what the file already holds is not planned again: the 150
-requests can be run in shares, such as --requests 10 --from 20, and a last call without --from sums all of them up.
 """
 
 from __future__ import annotations
@@ -19,16 +16,14 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import inf
-from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
+from cells import quantiles
 from dense_search import DenseSearch
+from problems import pose_of
 from processor_time import add_processor_time, set_clock
-from resumed import kept, read
 from scipy.spatial.transform import Rotation
 
 import hdplan
@@ -63,7 +58,6 @@ RATES = Limits(velocity="urdf", acceleration=10.0, jerk=500.0)
 class Outcome:
     """What came of one request."""
 
-    kind: str
     number: int
     certified: bool  # by planning
     seconds: float
@@ -92,14 +86,13 @@ def request(kind: str, number: int) -> Scene:
     start, goal = both
     scene = replace(scene, start=JointTarget("start", tuple(start.tolist())))
     if number // 2 % 2:
-        return scene.with_goal(PoseTarget(link, pose_of(scene, link, goal), field="goal"))
+        return scene.with_goal(PoseTarget(link, pose_of(load_scene_robot(scene), link, goal), field="goal"))
     return replace(scene, goal=JointTarget("goal", tuple(goal.tolist())))
 
 
 def clutter(rng: np.random.Generator) -> tuple[Obstacle, ...]:
     """A floor, and boxes around the robot."""
-    floor = Obstacle("floor", Box((3.0, 3.0, 0.1)), Pose((0.0, 0.0, -0.15)))
-    found = [floor]
+    found = [Obstacle("floor", Box((3.0, 3.0, 0.1)), Pose((0.0, 0.0, -0.15)))]
     for i in range(BOXES):
         angle, away, up = rng.uniform(-np.pi, np.pi), rng.uniform(0.35, 0.85), rng.uniform(0.0, 0.9)
         place = (away * np.cos(angle), away * np.sin(angle), up)
@@ -122,17 +115,8 @@ def box(scene: Scene, link: str, rng: np.random.Generator) -> Within:
     size = np.where(rng.random(3) < 0.5, inf, np.exp(rng.uniform(np.log(0.004), np.log(0.4), 3)))
     if np.isinf(size).all():
         size[0] = 0.02
-    centre = pose_of(scene, link, robot.draw(rng, 1)[0]).matrix @ np.array([*TOOL, 1.0])
+    centre = pose_of(robot, link, robot.draw(rng, 1)[0]).matrix @ np.array([*TOOL, 1.0])
     return Within(link, tuple(size.tolist()), Pose(centre[:3], Rotation.random(random_state=rng).as_quat()), TOOL)
-
-
-def pose_of(scene: Scene, link: str, q: Array) -> Pose:
-    """Where a configuration (n,) brings a link."""
-    robot = load_scene_robot(scene)
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    place = data.oMf[robot.model.getFrameId(link)]
-    return Pose(place.translation, Rotation.from_matrix(place.rotation).as_quat())
 
 
 def ends(scene: Scene, rng: np.random.Generator) -> tuple[Array, Array] | None:
@@ -167,7 +151,7 @@ def run(kind: str, number: int, limit: float, dense: float) -> Outcome:
     found = "" if certified else searched(scene, dense)
     words = f"{seconds:.2f} s" + ("" if certified else f", {why.split(':')[0]}; dense search: {found}")
     print(f"{kind} {number}: {'certified' if certified else 'not certified'}, {words}", file=sys.stderr, flush=True)
-    return Outcome(kind, number, certified, seconds, found)
+    return Outcome(number, certified, seconds, found)
 
 
 def searched(scene: Scene, seconds: float) -> str:
@@ -199,7 +183,6 @@ def searched(scene: Scene, seconds: float) -> str:
 def row(kind: str, found: list[Outcome]) -> dict[str, Cell]:
     """Sum up the requests of one kind."""
     missed = [outcome for outcome in found if outcome.dense.startswith("certified")]
-    median, high = np.quantile([outcome.seconds for outcome in found], [0.5, 0.95])
     return {
         "kind": kind,
         "requests": len(found),
@@ -207,7 +190,7 @@ def row(kind: str, found: list[Outcome]) -> dict[str, Cell]:
         "missed": " ".join([f"{len(missed)}", *(f"({outcome.number})" for outcome in missed)]),
         "a way, not certified": sum(outcome.dense.startswith("a way") for outcome in found),
         "no way known": sum(outcome.dense.startswith("no") for outcome in found),
-        "time median / p95 [s]": f"{median:.2f} / {high:.2f}",
+        "time median / p95 [s]": quantiles([outcome.seconds for outcome in found], digits=2),
     }
 
 
@@ -220,21 +203,11 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=5.0, help="[s] of planning")
     parser.add_argument("--dense", type=float, default=60.0, help="[s] of a dense search")
     add_processor_time(parser)
-    parser.add_argument("--csv", type=Path, help="where each request is written, and what was done is read from")
     options = parser.parse_args()
     set_clock(options)
     numbers = range(options.first, options.first + options.requests)
-    tasks = [(kind, number) for kind in options.kinds for number in numbers]
-    known = {(outcome.kind, outcome.number): outcome for outcome in read(options.csv, Outcome)}
-
-    def planned() -> Iterator[Outcome]:
-        for kind, number in tasks:
-            if (kind, number) not in known:
-                yield run(kind, number, options.limit, options.dense)
-
-    for outcome in kept(options.csv, Outcome, list(known.values()), planned()):
-        known[outcome.kind, outcome.number] = outcome
-    print(markdown_text([row(kind, [known[kind, number] for number in numbers]) for kind in options.kinds]))
+    found = {kind: [run(kind, number, options.limit, options.dense) for number in numbers] for kind in options.kinds}
+    print(markdown_text([row(kind, outcomes) for kind, outcomes in found.items()]))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """The controller measured: solvers of its quadratic program, time of one step, and contacts from random starts.
 
-    python benchmarks/control.py solvers | steps | updates | starts [--starts 1000] [--rate 200] [--speed 0.5]
+    python benchmarks/control.py solvers | steps | updates | starts [--starts 1000]
 
 `solvers` needs quadprog, piqp, proxsuite and osqp beside daqp (pip install them; hdplan needs daqp alone). `starts`
 proves every simulated motion by the certificate, between its samples too: real meshes, the scene's own shapes.
@@ -19,6 +19,7 @@ from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
+from cells import milliseconds
 
 from hdplan.control import BarrierSettings, Controller, ControlSettings, PoseTask, simulate, standing
 from hdplan.planner.certificate.certifier import Certifier
@@ -38,6 +39,7 @@ from hdplan.scenes.targets import JointTarget, PoseTarget
 
 Solver = Callable[[Array, Array, Array, Array, Array, Array], Array]
 
+RATE, SPEED = 200.0, 0.5  # [Hz] of the random starts, and share of the speed limits
 READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
 
 
@@ -55,10 +57,9 @@ def random_scene(rng: np.random.Generator, count: int) -> Scene:
     return Scene("random", Path("random"), RobotSpec("panda"), tuple(obstacles), *ends)
 
 
-def starts(count: int, rate: float, speed: float) -> None:
+def starts(count: int) -> None:
     """Count contacts over simulated motions from random collision-free starts toward random targets."""
-    rng = np.random.default_rng(0)
-    settings = ControlSettings(period=1.0 / rate, speed=speed)
+    rng, settings = np.random.default_rng(0), ControlSettings(period=1.0 / RATE, speed=SPEED)
     verdicts: Counter[str] = Counter()
     modes: Counter[str] = Counter()
     least, begun_inside, reached = np.inf, 0, 0
@@ -81,7 +82,7 @@ def starts(count: int, rate: float, speed: float) -> None:
         if certificate.clearance is not None and run.slacks[0] >= 0:
             least = min(least, certificate.clearance)
     rows = [
-        (f"starts at {rate:g} Hz and {speed:g} of the speed limits", count),
+        (f"starts at {RATE:g} Hz and {SPEED:g} of the speed limits", count),
         *((f"of their motions, by the certificate: {status}", number) for status, number in verdicts.items()),
         ("starts inside a margin", begun_inside),
         ("targets reached in 3 s", reached),
@@ -135,19 +136,17 @@ def steps(obstacles: int = 10, runs: int = 20) -> None:
                 distance.append(step.distance_seconds)
                 program.append(step.program_seconds)
                 q, last = q + settings.period * step.velocity, step.command
-        rows.append(
-            {
-                f"a Panda, {obstacles} obstacles": name,
-                "pairs": pairs,
-                "distance, median [ms]": 1e3 * float(np.median(distance)),
-                "quadratic program, median [ms]": 1e3 * float(np.median(program)),
-                "step, median / 95 % / worst [ms]": _quantiles(whole),
-                "CPU time of a step [ms]": _quantiles(cpu),
-                "over 1 ms / 2 ms [%]": " / ".join(
-                    f"{100.0 * np.mean(np.array(cpu) > over):.2f}" for over in (1e-3, 2e-3)
-                ),
-            }
-        )
+        late = (100.0 * np.mean(np.array(cpu) > over) for over in (1e-3, 2e-3))
+        row = {
+            f"a Panda, {obstacles} obstacles": name,
+            "pairs": pairs,
+            "distance, median [ms]": 1e3 * float(np.median(distance)),
+            "quadratic program, median [ms]": 1e3 * float(np.median(program)),
+            "step, median / 95 % / worst [ms]": _spread(whole),
+            "CPU time of a step [ms]": _spread(cpu),
+            "over 1 ms / 2 ms [%]": " / ".join(f"{share:.2f}" for share in late),
+        }
+        rows.append(row)
     print(markdown_text(rows))
 
 
@@ -156,6 +155,7 @@ def updates(count: int = 20) -> None:
     rng = np.random.default_rng(2)
     table = np.column_stack([rng.uniform((0.3, -1.0), (1.2, 1.0), (50_000, 2)), np.zeros(50_000)])
     wall = np.column_stack([np.full(50_000, 1.2), rng.uniform((-1.0, 0.0), (1.0, 1.2), (50_000, 2))])
+    room = np.vstack([table, wall])
     places, sizes = rng.uniform((-0.8, -0.8, 0.1), (0.8, 0.8, 1.5), (20, 3)), rng.uniform(0.05, 0.2, (20, 3))
 
     def boxes(moving: bool) -> list[Obstacle]:
@@ -163,18 +163,15 @@ def updates(count: int = 20) -> None:
         off = rng.normal(0.0, 0.01, places.shape)
         return [Obstacle(f"box{i}", Box(sizes[i]), Pose(places[i] + off[i]), motion=motion) for i in range(20)]
 
-    def cloud() -> list[Obstacle]:
-        points = np.vstack([table, wall]) + rng.normal(0.0, 1e-3, (100_000, 3))
+    def cloud(points: Array) -> list[Obstacle]:
         return [Obstacle("cloud", Cloud(points, 0.005))]
 
     controller, rows = Controller.of(random_scene(rng, 0)), []
     looks: dict[str, Callable[[], list[Obstacle]]] = {
         "20 boxes": lambda: boxes(moving=False),
         "20 boxes that move": lambda: boxes(moving=True),
-        "100,000 points of a table and a wall": cloud,
-        "50,000 points that fill a room": lambda: [
-            Obstacle("cloud", Cloud(rng.uniform(-1.0, 1.0, (50_000, 3)), 0.005))
-        ],
+        "100,000 points of a table and a wall": lambda: cloud(room + rng.normal(0.0, 1e-3, room.shape)),
+        "50,000 points that fill a room": lambda: cloud(rng.uniform(-1.0, 1.0, (50_000, 3))),
     }
     for name, look in looks.items():
         used, step_used, pairs = list[float](), list[float](), 0
@@ -186,14 +183,9 @@ def updates(count: int = 20) -> None:
             began, pairs = process_time(), updated.barriers.count
             updated.step(np.array(READY), standing(np.array(READY)))
             step_used.append(process_time() - began)
-        rows.append(
-            {
-                "what is seen": name,
-                "pairs": pairs,
-                "CPU time of update, median / 95 % / worst [ms]": _quantiles(used),
-                "of the step after it": _quantiles(step_used),
-            }
-        )
+        times = {"CPU time of update, median / 95 % / worst [ms]": used, "of the step after it": step_used}
+        spreads = {words: _spread(seconds) for words, seconds in times.items()}
+        rows.append({"what is seen": name, "pairs": pairs} | spreads)
     print(markdown_text(rows))
 
 
@@ -218,20 +210,13 @@ def solvers() -> None:
                 seconds.append(process_time() - began)
             first = first or answers
             error = max(float(np.abs(a - b).max()) for a, b in zip(first, answers, strict=True))
-            lines.append(
-                {
-                    "rows": rows,
-                    "solver": name,
-                    "CPU time, median / 95 % / worst [ms]": _quantiles(seconds),
-                    "largest difference from the first": f"{error:.0e}",
-                }
-            )
+            row = {"rows": rows, "solver": name, "CPU time, median / 95 % / worst [ms]": _spread(seconds)}
+            lines.append(row | {"largest difference from the first": f"{error:.0e}"})
     print(markdown_text(lines))
 
 
-def _quantiles(seconds: list[float]) -> str:
-    values = 1e3 * np.array(seconds)
-    return f"{np.median(values):.3f} / {np.quantile(values, 0.95):.3f} / {values.max():.2f}"
+def _spread(seconds: list[float]) -> str:
+    return milliseconds(seconds, (0.5, 0.95, 1.0), 3)
 
 
 def _daqp(hessian: Array, linear: Array, matrix: Array, bound: Array, low: Array, high: Array) -> Array:
@@ -282,11 +267,7 @@ def _osqp(hessian: Array, linear: Array, matrix: Array, bound: Array, low: Array
 
 
 SOLVERS: dict[str, Solver] = {
-    "daqp": _daqp,
-    "quadprog": _quadprog,
-    "piqp": _piqp,
-    "proxsuite": _proxsuite,
-    "osqp": _osqp,
+    **{"daqp": _daqp, "quadprog": _quadprog, "piqp": _piqp, "proxsuite": _proxsuite, "osqp": _osqp}
 }
 
 
@@ -294,18 +275,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("solvers", "steps", "updates", "starts"))
     parser.add_argument("--starts", type=int, default=1000)
-    parser.add_argument("--rate", type=float, default=200.0)
-    parser.add_argument("--speed", type=float, default=0.5)
     given = parser.parse_args()
-    match given.what:
-        case "solvers":
-            solvers()
-        case "steps":
-            steps()
-        case "updates":
-            updates()
-        case _:
-            starts(given.starts, given.rate, given.speed)
+    if given.what == "starts":
+        starts(given.starts)
+    else:
+        {"solvers": solvers, "steps": steps, "updates": updates}[given.what]()
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """The cause of the HD-SDF's smooth commands: random corridors, parallel and not, at equal clearance.
 
-    python benchmarks/corridors.py [--corridors 8] [--processes 1]
+    python benchmarks/corridors.py [--corridors 8]
 
 In half of the corridors walls and roof are parallel, in the other half each is turned by up to 0.15 rad about each
 axis. The paper's Panda of boxes enters under the paper's own controller (`corridor_experiment.py`), fitted bodies under
@@ -15,9 +15,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -28,19 +26,7 @@ from hdplan.planner.control.rollout import fast_energy, total_variation
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.planner.studies.corridor_experiment import (
-    AS_SAFE,
-    CRITICAL_PHASE,
-    EXACT_EVERY,
-    NAMES,
-    START,
-    VARIANTS,
-    WALLS,
-    corridor_scene,
-    link_box_pairs,
-    link_boxes,
-    tool_task,
-)
+from hdplan.planner.studies import corridor_experiment as published
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle
@@ -60,11 +46,11 @@ def corridor(seed: int, parallel: bool) -> Scene:
     """Return a corridor like the paper's, its walls up to 3 cm farther out."""
     rng = np.random.default_rng(seed)
     obstacles = []
-    for name, (centre, sides) in WALLS.items():
+    for name, (centre, sides) in published.WALLS.items():
         turn = Rotation.from_rotvec(np.zeros(3) if parallel else rng.uniform(-TURN, TURN, 3)).as_quat()
         where = np.array(centre) + rng.uniform(0.0, 0.03) * np.sign(np.array(centre)) * (0.0, 1.0, 1.0)
         obstacles.append(Obstacle(name, Box(sides), Pose(tuple(where.tolist()), tuple(turn.tolist()))))
-    return replace(corridor_scene(), obstacles=tuple(obstacles))
+    return replace(published.corridor_scene(), obstacles=tuple(obstacles))
 
 
 def paper(robot: Robot, scene: Scene, settings: ControlSettings) -> Controller:
@@ -76,7 +62,7 @@ def paper(robot: Robot, scene: Scene, settings: ControlSettings) -> Controller:
         sides = tuple(side + 2 * growth for side in obstacle.shape.size)
         grown += from_obstacle(replace(obstacle, shape=Box(sides)))[0]
     bare = replace(settings.barriers, growth=0.0)
-    barriers = Barriers(robot, kinematics_of(robot), link_boxes(), link_box_pairs(), grown, bare)
+    barriers = Barriers(robot, kinematics_of(robot), published.link_boxes(), published.link_box_pairs(), grown, bare)
     return Controller(robot, barriers, replace(settings, barriers=bare))
 
 
@@ -89,14 +75,14 @@ def measured(make: Made, robot: Robot, scene: Scene, settings: ControlSettings) 
     """Return the total variation [rad/s] and the energy above 5 Hz [rad²/s] of the commands, and the least exact
     clearance of the bodies [m]."""
     exact = make(robot, scene, replace(settings, barriers=EXACT, as_published=True)).barriers
-    every, clearances = round(EXACT_EVERY / settings.period), []
+    every, clearances = round(published.EXACT_EVERY / settings.period), []
 
     def watch(time: float, q: Array, step: Step) -> None:
         if round(time / settings.period) % every == 0:
             clearances.append(float(exact.evaluate(q).value[: exact.obstacle_pairs].min()))
 
-    run = simulate(make(robot, scene, settings), np.array(START), tool_task(robot), CRITICAL_PHASE, until_met=False,
-                   watch=watch)  # fmt: skip
+    controller, begin, task = make(robot, scene, settings), np.array(published.START), published.tool_task(robot)
+    run = simulate(controller, begin, task, published.CRITICAL_PHASE, until_met=False, watch=watch)
     commands = run.velocities[round(UNDER_WAY / settings.period) :]
     return total_variation(commands), fast_energy(commands, settings.period), min(clearances)
 
@@ -117,7 +103,7 @@ def compared(make: Made, robot: Robot, scene: Scene, settings: ControlSettings) 
 
 def cases() -> dict[str, tuple[Made, ControlSettings]]:
     """Return the cases: bodies and controller, by name."""
-    as_safe = VARIANTS[NAMES.index(AS_SAFE)]
+    as_safe = published.VARIANTS[published.NAMES.index(published.AS_SAFE)]
     grown = replace(as_safe.settings, barriers=replace(as_safe.settings.barriers, growth=as_safe.growth))
     return {
         "the paper's boxes, its controller as safe": (paper, grown),
@@ -130,39 +116,26 @@ def cases() -> dict[str, tuple[Made, ControlSettings]]:
     }
 
 
-def entered(words: str, parallel: bool, seed: int) -> tuple[float, ...]:
-    """Return the row of `compared` for one case in one corridor."""
-    make, settings = cases()[words]
-    return compared(make, load_scene_robot(corridor_scene()), corridor(seed, parallel), settings)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--corridors", type=int, default=8)
-    parser.add_argument("--processes", type=int, default=1)
     given = parser.parse_args()
-    rows = []
-    with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
-        for words in cases():
-            for parallel in (True, False):
-                count = given.corridors // 2
-                found = np.array(list(pool.map(entered, count * [words], count * [parallel], range(count))))
-                variation, ratio, energy, clearance = map(_spread, (found[:, :4] * (1.0, 1.0, 1.0, 1e3)).T)
-                kind = f"{count} {'parallel' if parallel else 'turned'}"
-                rougher = int((found[:, 1] > 1.0).sum())
-                missed = 1e3 * np.abs(found[:, 4]).max()
-                rows.append(
-                    {
-                        "bodies and barrier": words,
-                        "corridors": kind,
-                        "total variation [rad/s]": variation,
-                        "over the exact distance's": ratio,
-                        "energy above 5 Hz over its": energy,
-                        "rougher in": rougher,
-                        "clearance [mm]": clearance,
-                        "matched to [mm]": f"{missed:.2g}",
-                    }
-                )
+    rows, count, robot = [], given.corridors // 2, load_scene_robot(published.corridor_scene())
+    for words, (make, settings) in cases().items():
+        for parallel in (True, False):
+            found = np.array([compared(make, robot, corridor(seed, parallel), settings) for seed in range(count)])
+            variation, ratio, energy, clearance = map(_spread, (found[:, :4] * (1.0, 1.0, 1.0, 1e3)).T)
+            row = {
+                "bodies and barrier": words,
+                "corridors": f"{count} {'parallel' if parallel else 'turned'}",
+                "total variation [rad/s]": variation,
+                "over the exact distance's": ratio,
+                "energy above 5 Hz over its": energy,
+                "rougher in": int((found[:, 1] > 1.0).sum()),
+                "clearance [mm]": clearance,
+                "matched to [mm]": f"{1e3 * np.abs(found[:, 4]).max():.2g}",
+            }
+            rows.append(row)
     print(markdown_text(rows))
 
 

@@ -1,6 +1,6 @@
 """The ladder of normals and what a query takes: ours called once, in bulk and in JAX, beside FCL, coal, coal in C++.
 
-    python benchmarks/distance.py [--section ladder|unions|exact|batch|compile ...] [--poses N] [--configurations N]
+    python benchmarks/distance.py [--section ladder|unions|exact|batch ...] [--poses N] [--configurations N]
 
 Prints a Markdown table for each section; `exact` needs a C++ compiler for coal's loop. Times are processor time on one
 core over poses of the paper's kind, each another one, warm; medians of rounds in which the ways take turns, so that
@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import combinations_with_replacement
 from pathlib import Path
-from time import perf_counter, process_time
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -30,8 +30,7 @@ from hdplan.distance.bodies import PLATONIC, ConvexBody
 from hdplan.distance.studies.conservativeness import conservativeness
 from hdplan.distance.studies.random_poses import paper_poses
 from hdplan.distance.studies.unions import study_unions
-from hdplan.distance.symbolic.compiled_pair import CompiledDistance, hdsdf_compiled, twist_function
-from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.distance.symbolic.compiled_pair import CompiledDistance, hdsdf_compiled
 from hdplan.planner.studies.distance import union_row
 from hdplan.planner.studies.report import markdown_text, short
 from hdplan.scenes.array_types import Array
@@ -91,14 +90,9 @@ def ladder(options: argparse.Namespace) -> None:
             distance = hdsdf_compiled(body_a, body_b, normals=rung.normals)
             both = medians([bulk(distance.value, a, b), bulk(distance.gradient, a, b)])
             times[f"{'–'.join(names)} [µs]"] = " / ".join(map(short, both))
-        rows.append(
-            {
-                "normals": f"`{rung.normals}`",
-                "false positives [%]": " / ".join(f"{100 * rate:.2g}" for rate in found.rates(rung, GAPS)),
-                "widest [cm]": f"{100 * np.max(rung.gaps, initial=0):.2g}",
-                **times,
-            }
-        )
+        rates = " / ".join(f"{100 * rate:.2g}" for rate in found.rates(rung, GAPS))
+        row = {"normals": f"`{rung.normals}`", "false positives [%]": rates}
+        rows.append(row | {"widest [cm]": f"{100 * np.max(rung.gaps, initial=0):.2g}"} | times)
         print(*rows[-1].values(), file=sys.stderr)
     print(f"{markdown_text(rows)}\nOver {found.planned:,} configurations; contacts called free: {found.missed}.\n")
 
@@ -137,22 +131,21 @@ def exact(options: argparse.Namespace) -> None:
             assert abs(loop.seconds()[1] - truth) < 1e-6 * len(a), "coal's loop computes something else"
             ways.append(partial(in_cpp, loop))
             fcl, coal, value, gradient, c_value, c_gradient, c_hessian, coal_c = medians(ways)
-            rows.append(
-                {
-                    "pair": "–".join(names),
-                    "once, from Python: FCL [µs]": fcl,
-                    "coal": coal,
-                    "ours": value,
-                    "+ gradient": gradient,
-                    "ours / FCL": value / fcl,
-                    "in a loop: coal, C++ [µs]": coal_c,
-                    "ours, C": c_value,
-                    "ours, C, + gradient": c_gradient,
-                    "+ Hessian": c_hessian,
-                    "ours / coal": c_value / coal_c,
-                    "+ gradient / coal": c_gradient / coal_c,
-                }
-            )
+            row = {
+                "pair": "–".join(names),
+                "once, from Python: FCL [µs]": fcl,
+                "coal": coal,
+                "ours": value,
+                "+ gradient": gradient,
+                "ours / FCL": value / fcl,
+                "in a loop: coal, C++ [µs]": coal_c,
+                "ours, C": c_value,
+                "ours, C, + gradient": c_gradient,
+                "+ Hessian": c_hessian,
+                "ours / coal": c_value / coal_c,
+                "+ gradient / coal": c_gradient / coal_c,
+            }
+            rows.append(row)
             print(*rows[-1].values(), file=sys.stderr)
     print(markdown_text(rows))
 
@@ -170,47 +163,12 @@ def batch(options: argparse.Namespace) -> None:
         for order in ("value", "gradient", "hessian"):
             times = medians([bulk(partial(getattr(way, order)), a, b) for way in ours])
             ways = ("compiled [µs]", "JAX float64", "JAX float32")
-            rows.append(
-                {
-                    "pair": "–".join(names),
-                    "order": order,
-                    **dict(zip(ways, times, strict=True)),
-                    "float64 / compiled": times[1] / times[0],
-                }
-            )
+            row = {"pair": "–".join(names), "order": order} | dict(zip(ways, times, strict=True))
+            rows.append(row | {"float64 / compiled": times[1] / times[0]})
     print(markdown_text(rows))
 
 
-def compile_times(options: argparse.Namespace) -> None:
-    """Compiling once for a machine, loading afterwards."""
-    rows = []
-    hull = ConvexBody.from_points(np.random.default_rng(0).normal(size=(60, 3)))
-    shapes = {"cube": ConvexBody.platonic("cube"), "dodecahedron": ConvexBody.platonic("dodecahedron")}
-    shapes[f"hull of {len(hull.vertices)} vertices"] = hull
-    shapes["cylinder"] = ConvexBody.cylinder(0.3, 0.7)
-    for name, body in shapes.items():
-        for normals in ("paper", "paper+edges"):
-            for order in range(3):
-                with tempfile.TemporaryDirectory() as folder:
-                    os.environ["HDPLAN_CACHE"] = folder
-                    times = []
-                    for _ in range(2):
-                        begin = perf_counter()
-                        RowFunction(twist_function(body, body, 2, normals, 0, order))
-                        times.append(perf_counter() - begin)
-                rows.append(
-                    {
-                        "pair": f"{name}–{name}",
-                        "normals": normals,
-                        "order": order,
-                        "compile [s]": times[0],
-                        "load from the cache [s]": times[1],
-                    }
-                )
-    print(markdown_text(rows))
-
-
-SECTIONS = {"ladder": ladder, "unions": unions, "exact": exact, "batch": batch, "compile": compile_times}
+SECTIONS = {"ladder": ladder, "unions": unions, "exact": exact, "batch": batch}
 
 
 def main() -> None:

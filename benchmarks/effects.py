@@ -84,11 +84,7 @@ EFFECTS = (
     Effect("limits.position", "panda_cable", lambda scene: replace(scene, limits=Limits())),
     Effect("timing.duration", "panda_conveyor", lambda scene: replace(standing(scene), timing=None), standing),
     Effect("limits of rates", "ur5_pallet", lambda scene: replace(scene, limits=Limits(), timing=None)),
-    Effect(
-        "limits.torque",
-        "panda_heavy",
-        lambda scene: replace(scene, limits=replace(scene.limits, torque=None)),
-    ),
+    Effect("limits.torque", "panda_heavy", lambda scene: replace(scene, limits=replace(scene.limits, torque=None))),
     Effect("payload", "ur5_payload", lambda scene: replace(scene, payload=None)),
 )
 

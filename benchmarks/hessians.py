@@ -10,24 +10,22 @@ the processor, warm, without the set-up.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from problems import real_problems
+from cells import quantiles
+from problems import mixed_parser, mixed_problems
 
 import hdplan
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.program import HESSIANS
 from hdplan.planner.studies.report import Cell, markdown_text
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 PLUGINS: dict[str, dict[str, Any]] = {"ipopt": {"sb": "yes"}, "fatrop": {}}
 OPTIONS: dict[str, Any] = {"print_level": 0, "max_iter": 300, "tol": 1e-6, "mu_init": 1e-4}
@@ -47,25 +45,17 @@ class Outcome:
 
 def main() -> None:
     """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", nargs="?", type=Path, metavar="DIR")
-    parser.add_argument("--every", type=int, default=10)
-    options = parser.parse_args()
-    scenes = [hdplan.load_scene(name) for name in shipped_scenes()]
-    if options.folder is not None:
-        scenes += [
-            each.load() for robot in ("panda", "ur5") for each in real_problems(options.folder, robot, options.every)
-        ]
+    options = mixed_parser(__doc__).parse_args()
     starts: dict[str, list[dict[tuple[str, str], Outcome]]] = {"straight line": [], "motion of the default solver": []}
-    for scene in scenes:
-        problem = hdplan.build(scene)
+    for _, title, load in mixed_problems(options.folder, options.every):
+        problem = hdplan.build(load())
         found = hdplan.solve(problem)
         for name, first, weights in (
             ("straight line", problem.polyline(), WEIGHTS),
             ("motion of the default solver", found.trajectory.positions, (found.weight,)),
         ):
             starts[name].append(solved(problem, first, weights))
-            print(scene.name, name, *(vars(each) for each in starts[name][-1].values()), sep="\n  ", file=sys.stderr)
+            print(title, name, *(vars(each) for each in starts[name][-1].values()), sep="\n  ", file=sys.stderr)
     print(markdown_text([row for start, outcomes in starts.items() for row in rows(start, outcomes)]))
 
 
@@ -98,21 +88,16 @@ def rows(start: str, outcomes: Sequence[dict[tuple[str, str], Outcome]]) -> list
     for plugin, hessian in outcomes[0]:
         own = [found[plugin, hessian] for found in outcomes]
         costs = [found[plugin, hessian].cost / min(other.cost for other in found.values()) for found in outcomes]
-        result.append(
-            {
-                "from": start,
-                "solver": plugin,
-                "Hessian": hessian,
-                "converged": f"{sum(each.converged for each in own)} of {len(own)}",
-                "steps, median / p95": " / ".join(f"{x:.0f}" for x in np.quantile([e.steps for e in own], [0.5, 0.95])),
-                "time, median / p95 [s]": (
-                    " / ".join(f"{x:.2f}" for x in np.quantile([each.seconds for each in own], [0.5, 0.95]))
-                ),
-                "cost over the least of all, median / p95": (
-                    " / ".join(f"{x:.3f}" for x in np.quantile(costs, [0.5, 0.95]))
-                ),
-            }
-        )
+        row: dict[str, Cell] = {
+            "from": start,
+            "solver": plugin,
+            "Hessian": hessian,
+            "converged": f"{sum(each.converged for each in own)} of {len(own)}",
+            "steps, median / p95": quantiles([each.steps for each in own]),
+            "time, median / p95 [s]": quantiles([each.seconds for each in own], digits=2),
+            "cost over the least of all, median / p95": quantiles(costs, digits=3),
+        }
+        result.append(row)
     return result
 
 

@@ -1,18 +1,17 @@
 """How far proofs reach: plan, prove and verify motions of every kind of problem, and count what is accepted.
 
-    python benchmarks/how_far.py DIR [--group NAME ...] [--time-limit S] [--state FILE]
+    python benchmarks/how_far.py DIR [--group NAME ...] [--most N] [--time-limit S]
 
 DIR as in benchmarks/mbm.py, with the narrow places of benchmarks/narrow.py beside it, in DIR/../opof. The problems: all
 shipped scenes and jobs, all of MotionBenchMaker for Panda and UR5, a hundred each for Fetch and Baxter, and fifty of
-each set of narrow places, all evenly spread. Each is planned with the command's defaults; of the motion's file a proof
-is written, and checked. Prints a row for each group, and what is lacking with how often; to the error stream, a line
-per problem. With a file of `--state`, an interrupted run is resumed.
+each set of narrow places, or N of each at most, all evenly spread. Each is planned with the command's defaults; of the
+motion's file a proof is written, and checked. Prints a row for each group, and what is lacking with how often; to the
+error stream, a line per problem.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import sys
 import tempfile
@@ -23,49 +22,37 @@ from pathlib import Path
 import narrow
 import numpy as np
 import yaml
-from problems import RealProblem, real_problems
+from problems import real_problems
+from proven import proven
 
 import hdplan
-from hdplan.planner.job.proof import prove_job
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.yaml_format.reader import shipped_jobs, shipped_scenes
-from hdplan.verify import RejectedError
-from hdplan.verify.checking import check, check_job
 
-MANY = {"panda": 1000, "ur5": 1000, "fetch": 100, "baxter": 100}  # at most, of MotionBenchMaker
-NARROW_EVERY = 10  # fifty of each set
+MANY = {"panda": 350, "ur5": 350, "fetch": 100, "baxter": 100}  # at most, of MotionBenchMaker
+NARROW, WHOLE = 50, 500  # problems of a set in narrow places: that are taken, and in all
 GROUPS = ("shipped", *MANY, *narrow.SETS)
-KINDS = ("whole", "in part", "not written", "rejected")
+KINDS = ("accepted", "in part", "not written", "rejected")  # whole, in part: accepted
 Problem = tuple[str, Path, tuple[Path, str] | None]  # name and files: the scene, and what goes beside it
 
 
-def problems(group: str, folder: Path, place: Path) -> Iterator[Problem]:
+def problems(group: str, folder: Path, most: int, place: Path) -> Iterator[Problem]:
     """Yield those of a group; scenes that have no file are written into `place`."""
     if group == "shipped":
         for name, file in {**shipped_scenes(), **shipped_jobs()}.items():
             yield name, file, None
     elif group in MANY:
         found = real_problems(folder, group)
-        for i in spread(len(found), MANY[group]):
-            yield f"{found[i].set} {found[i].number}", *files(found[i])
+        for i in np.unique(np.linspace(0, len(found) - 1, min(len(found), MANY[group], most)).round().astype(int)):
+            yield f"{found[i].set} {found[i].number}", found[i].scene_file, found[i].beside
     else:
-        for number, scene in narrow.scenes(folder.absolute().parent / "opof", group, NARROW_EVERY, 0):
+        for number, scene in narrow.scenes(folder.absolute().parent / "opof", group, WHOLE // min(NARROW, most), 0):
             (place / narrow.SCENE).write_text(yaml.safe_dump(scene, sort_keys=False))
             yield number, place / narrow.SCENE, None
 
 
-def files(problem: RealProblem) -> tuple[Path, tuple[Path, str]]:
-    """The scene of a problem, and its request and robot."""
-    return problem.scene_file, (problem.request_file, str(problem.robot_file))
-
-
-def spread(count: int, most: int) -> list[int]:
-    """At most as many of `count` numbers, evenly spread."""
-    return list(map(int, np.unique(np.linspace(0, count - 1, min(count, most)).round())))
-
-
 def outcome(file: Path, beside: tuple[Path, str] | None, place: Path, time_limit: float) -> str:
-    """Plan, prove and check: "whole", or what is lacking."""
+    """Plan, prove and check: "accepted", or what is lacking."""
     scene = hdplan.load_scene(file, *beside) if beside else hdplan.load_scene(file)
     motion = place / "motion.json"
     try:
@@ -75,15 +62,7 @@ def outcome(file: Path, beside: tuple[Path, str] | None, place: Path, time_limit
     if not result.certified:
         return f"not planned: {result.certificate.text}"
     result.save(motion)
-    try:
-        data = prove_job(file, motion).data if scene.job else hdplan.prove(file, motion, *beside or ()).data
-    except hdplan.HdplanError as error:
-        return f"not written: {error}"
-    try:
-        verdict = (check_job(file, motion, data) if scene.job else check(file, motion, data, *beside or ()))[0]
-    except RejectedError as error:
-        return f"rejected: {error}"
-    return "whole" if verdict.whole else f"in part: {verdict.text.splitlines()[0]}"
+    return proven(file, motion, *beside or (), job=scene.job is not None)
 
 
 def table(found: dict[str, dict[str, str]]) -> str:
@@ -92,8 +71,9 @@ def table(found: dict[str, dict[str, str]]) -> str:
     for group, each in found.items():
         kinds = Counter(x.partition(":")[0] for x in each.values())
         free, planned = len(each) - kinds["no ends"], sum(kinds[x] for x in KINDS)
-        rows.append({"group": group, "problems": len(each), "ends are free": free, "certified": planned,
-                     **{f"accepted {x}" if x in KINDS[:2] else x: kinds[x] for x in KINDS}})  # fmt: skip
+        row = {"group": group, "problems": len(each), "ends are free": free, "certified": planned}
+        columns = "accepted whole", "accepted in part", *KINDS[2:]
+        rows.append(row | {column: kinds[kind] for column, kind in zip(columns, KINDS, strict=True)})
     return markdown_text(rows)
 
 
@@ -114,21 +94,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--group", nargs="+", choices=GROUPS, default=GROUPS)
+    parser.add_argument("--most", type=int, default=350, metavar="N", help="problems of a group")
     parser.add_argument("--time-limit", type=float, default=10.0)
-    parser.add_argument("--state", type=Path, help="a file with what was found, to go on where it was ended")
     options = parser.parse_args()
-    state, found = options.state, dict[str, dict[str, str]]()
-    if state is not None and state.is_file():
-        found = json.loads(state.read_text())
+    found: dict[str, dict[str, str]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for group in options.group:
-            done = found.setdefault(group, {})
-            for name, file, beside in problems(group, options.folder, Path(folder)):
-                if name not in done:
-                    done[name] = outcome(file, beside, Path(folder), options.time_limit).replace(folder, "")
-                    print(group, name, done[name], file=sys.stderr, flush=True)
-                    if state is not None:
-                        state.write_text(json.dumps(found))
+            done = found[group] = {}
+            for name, file, beside in problems(group, options.folder, options.most, Path(folder)):
+                done[name] = outcome(file, beside, Path(folder), options.time_limit).replace(folder, "")
+                print(group, name, done[name], file=sys.stderr, flush=True)
     print(table(found), lacking(found), sep="\n\n")
 
 

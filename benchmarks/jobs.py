@@ -27,7 +27,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import yaml
 from blended_jobs import legs
 from picks import picks
@@ -36,6 +35,7 @@ from processor_time import add_processor_time, set_clock
 from scipy.spatial.transform import Rotation
 
 import hdplan
+from hdplan.planner.robot.link_frame import link_poses
 
 FAR, ANGLE = 1e-4, math.radians(0.1)
 LINKS = {"panda": "panda_hand", "fetch": "gripper_link"}
@@ -60,19 +60,13 @@ def poses_of(folder: Path, problem_data: dict[str, Any], robot: hdplan.Robot) ->
     """Return the poses of a problem in the world."""
     with (folder / "paths" / f"{problem_data['path_name']}.csv").open(encoding="utf-8") as file:
         rows = np.array([[float(x) for x in row[1:]] for row in list(csv.reader(file))[1:]])
-    frame = np.eye(4)
-    if problem_data["path_offset_frame"] != "world":
-        data, model = robot.model.createData(), robot.model
-        pin.framesForwardKinematics(model, data, robot.pin_q(np.zeros(robot.n)))
-        frame = data.oMf[model.getFrameId(problem_data["path_offset_frame"])].homogeneous.copy()
-    offset = np.eye(4)
-    offset[:3, :3], offset[:3, 3] = problem_data["path_R_offset"], problem_data["path_xyz_offset"]
-    found = []
-    for x, y, z, qw, qx, qy, qz in rows:
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = Rotation.from_quat([qx, qy, qz, qw]).as_matrix(), [x, y, z]
-        pose = frame @ offset @ pose
-        found.append(hdplan.Pose(pose[:3, 3], Rotation.from_matrix(pose[:3, :3]).as_quat()))
+    frame, named = np.eye(4), problem_data["path_offset_frame"]
+    if named != "world":
+        frame = link_poses(robot, np.zeros((1, robot.n)), robot.model.getFrameId(named))[0]
+    turn = Rotation.from_matrix(problem_data["path_R_offset"]).as_quat()
+    frame = frame @ hdplan.Pose(problem_data["path_xyz_offset"], turn).matrix
+    placed = [frame @ hdplan.Pose(row[:3], np.roll(row[3:], -1)).matrix for row in rows]  # w is the first of a row
+    found = [hdplan.Pose(pose[:3, 3], Rotation.from_matrix(pose[:3, :3]).as_quat()) for pose in placed]
     return [found[0], *(pose for last, pose in itertools.pairwise(found) if pose != last)]
 
 
@@ -116,13 +110,9 @@ def seen_again(scene: hdplan.Scene, result: hdplan.JobResult) -> str:
     along = job.stages[-1]
     assert isinstance(along, hdplan.Along)
     assert motion.times is not None
-    data, frame = robot.model.createData(), robot.model.getFrameId(along.link)
     order = [motion.joint_names.index(joint) for joint in robot.joint_names]
-    at = []
-    for q in motion.at_time(np.arange(motion.times[0], motion.times[-1], 1e-3)).positions[:, order]:
-        pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-        at.append(data.oMf[frame].homogeneous.copy())
-    poses, first = np.array(at), 0
+    rows = motion.at_time(np.arange(motion.times[0], motion.times[-1], 1e-3)).positions[:, order]
+    poses, first = link_poses(robot, rows, robot.model.getFrameId(along.link)), 0
     steps = 0.6 * np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).max()
     turns = 0.6 * Rotation.from_matrix(poses[:-1, :3, :3].transpose(0, 2, 1) @ poses[1:, :3, :3]).magnitude().max()
     for number, pose in enumerate(along.poses):

@@ -30,29 +30,23 @@ from hdplan.planner.studies.report import Cell, markdown_text
 SCENES, WAYPOINTS, WEIGHT = ("planar_arm", "panda_cage"), 16, 1e4
 MOTIONS, TOGETHER = 16, 4  # of each problem; that go through the compiled code at a time
 SEVERAL = 4  # problems
+COLUMNS = (
+    *("scene", "problems", "precision", "pairs", "loops of C [ms]", "compiled in [s]"),
+    *("with gradient [ms]", "with curvature [ms]"),
+)
 
 
 def main() -> None:
     """Run the benchmark from the command line."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # XLA's threads too
-    columns = (
-        "scene",
-        "problems",
-        "precision",
-        "pairs",
-        "loops of C [ms]",
-        "compiled in [s]",
-        "with gradient [ms]",
-        "with curvature [ms]",
-    )
     rows: list[dict[str, Cell]] = []
     for name in SCENES:
         for count in (1, SEVERAL):
             several = problems(name, count)
             for precision in ("double", "single"):
                 cells = name, count, precision, *figures(several, precision == "double")
-                rows.append(dict(zip(columns, cells, strict=True)))
+                rows.append(dict(zip(COLUMNS, cells, strict=True)))
                 print(*cells, file=sys.stderr)
     print(f"On {jax.devices()[0].device_kind}, by JAX's backend {jax.default_backend()}:\n\n{markdown_text(rows)}")
 

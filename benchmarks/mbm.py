@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from cells import milliseconds, quantiles
 from problems import RealProblem, problem_parser, real_problems
 from recheck import recheck
 
@@ -30,9 +31,7 @@ PHASES = ("load", "build", "solve", "certify")
 class Outcome:
     """One problem."""
 
-    robot: str
-    set: str
-    problem: str
+    problem: RealProblem
     status: str  # of the certificate, or "refused" for bad input
     clearance: float  # [m] proven; NaN without proof
     seconds: tuple[float, ...]  # by phase; load includes reading the files
@@ -49,9 +48,7 @@ def run(problem: RealProblem, time_limit: float, check: bool) -> Outcome:
         read = time.perf_counter() - began
         result = hdplan.plan(scene, time_limit=time_limit)
     except hdplan.InputError as error:
-        return Outcome(
-            problem.robot, problem.set, problem.number, "refused", np.nan, (0.0,) * len(PHASES), 0, "", str(error)
-        )
+        return Outcome(problem, "refused", np.nan, (0.0,) * len(PHASES), 0, "", str(error))
     times = result.times
     seconds = (read + times.load, times.build + times.compile, times.solve, times.certify)
     verdict = ""
@@ -60,20 +57,11 @@ def run(problem: RealProblem, time_limit: float, check: bool) -> Outcome:
             file = Path(temporary) / "motion.json"
             result.save(file)
             found = recheck(file, problem.scene_file, problem.request_file, problem.robot_file)
-        verdict = "free" if found["free"] else f"refuted: {found}"
-    clearance = result.certificate.clearance
-    status = result.certificate.status.value
-    return Outcome(
-        problem.robot,
-        problem.set,
-        problem.number,
-        status,
-        np.nan if clearance is None else clearance,
-        seconds,
-        result.attempts,
-        verdict,
-        result.certificate.text,
-    )
+        verdict = f"refuted: {found}" if found else "free"
+    certificate = result.certificate
+    clearance = np.nan if certificate.clearance is None else certificate.clearance
+    rest = result.attempts, verdict, certificate.text
+    return Outcome(problem, certificate.status.value, clearance, seconds, *rest)
 
 
 def line(outcome: Outcome) -> str:
@@ -81,7 +69,7 @@ def line(outcome: Outcome) -> str:
     phases = " ".join(f"{phase} {1e3 * s:.0f}" for phase, s in zip(PHASES, outcome.seconds, strict=True))
     words = "" if outcome.status == "certified" else f"  {outcome.words}"
     return (
-        f"{outcome.robot} {outcome.set} {outcome.problem}: {outcome.status}, {1e3 * outcome.clearance:.2f} mm, "
+        f"{outcome.problem.name}: {outcome.status}, {1e3 * outcome.clearance:.2f} mm, "
         f"{phases} ms, {outcome.attempts} attempt(s) {outcome.recheck}{words}"
     )
 
@@ -90,36 +78,27 @@ def table(outcomes: list[Outcome]) -> str:
     """Markdown: one row per set, one for each robot, and one for all."""
     groups: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
-        groups.setdefault(f"{outcome.robot} {outcome.set}", []).append(outcome)
-    for robot in dict.fromkeys(outcome.robot for outcome in outcomes):
-        groups[f"**{robot}, all**"] = [outcome for outcome in outcomes if outcome.robot == robot]
+        groups.setdefault(f"{outcome.problem.robot} {outcome.problem.set}", []).append(outcome)
+    for robot in dict.fromkeys(outcome.problem.robot for outcome in outcomes):
+        groups[f"**{robot}, all**"] = [outcome for outcome in outcomes if outcome.problem.robot == robot]
     groups["**all**"] = outcomes
     rows = []
     for name, group in groups.items():
         good = [outcome for outcome in group if outcome.status == "certified"]
         refuted = sum(outcome.recheck.startswith("refuted") for outcome in group)
-        checked = any(outcome.recheck for outcome in group)
-        first = sum(outcome.attempts == 1 for outcome in good)
-        clearances = [1e3 * outcome.clearance for outcome in good]
-        rows.append(
-            {
-                "robot, set": name,
-                "problems": len(group),
-                "certified": len(good),
-                "refuted": refuted if checked else "not checked",
-                "first guess": first,
-                "load + build + solve median / p95 / worst [ms]": _spread([sum(o.seconds[:3]) for o in group]),
-                "certificate median / p95 / worst [ms]": _spread([o.seconds[3] for o in group]),
-                "proven clearance 5 % / median [mm]": (
-                    f"{np.quantile(clearances, 0.05):.1f} / {np.median(clearances):.1f}" if good else None
-                ),
-            }
-        )
+        before, proof = ([sum(o.seconds[part]) for o in group] for part in (slice(3), slice(3, None)))
+        row = {
+            "robot, set": name,
+            "problems": len(group),
+            "certified": len(good),
+            "refuted": refuted if any(outcome.recheck for outcome in group) else "not checked",
+            "first guess": sum(outcome.attempts == 1 for outcome in good),
+            "load + build + solve median / p95 / worst [ms]": milliseconds(before, (0.5, 0.95, 1.0)),
+            "certificate median / p95 / worst [ms]": milliseconds(proof, (0.5, 0.95, 1.0)),
+            "proven clearance 5 % / median [mm]": quantiles([1e3 * o.clearance for o in good], (0.05, 0.5), 1),
+        }
+        rows.append(row)
     return markdown_text(rows)
-
-
-def _spread(seconds: list[float]) -> str:
-    return " / ".join(f"{1e3 * value:.0f}" for value in (*np.quantile(seconds, [0.5, 0.95]), max(seconds)))
 
 
 def failures(outcomes: list[Outcome]) -> str:
@@ -127,9 +106,7 @@ def failures(outcomes: list[Outcome]) -> str:
     failed = [outcome for outcome in outcomes if outcome.status != "certified"]
     if not failed:
         return "Every problem is certified."
-    return markdown_text(
-        [{"problem": f"{o.robot} {o.set} {o.problem}", "cause": cause(o), "words": o.words} for o in failed]
-    )
+    return markdown_text([{"problem": o.problem.name, "cause": cause(o), "words": o.words} for o in failed])
 
 
 def cause(outcome: Outcome) -> str:

@@ -1,15 +1,16 @@
-"""Write the measured parts of docs/measurements.md, docs/certificate.md, docs/install.md and
-README.md again, each by its command.
+"""Write the measured parts of docs/measurements.md, docs/certificate.md, docs/install.md and README.md again, each by
+its command.
 
-    python benchmarks/measurements.py [NAME ...] [--problems DIR] [--list]
+    python benchmarks/measurements.py [NAME ...] [--problems DIR] [--jobs N] [--list]
 
 A measured block lies between `<!-- measured by: COMMAND -->` and `<!-- end -->`. COMMAND is a benchmark with its
 arguments, as it is called from the checkout's folder; DIR in it stands for the folder of MotionBenchMaker's problems,
 beside which `kinova_arm` of zonopy-robots has to lie.
 What the benchmark prints takes the block's place, with a line about machine, versions and time under it: the whole
 block or, where the benchmark fails, nothing of it. NAME chooses the blocks whose command contains it; without a name
-all are measured, one after the other, and Ctrl-C keeps those that are done. `--list` shows the commands, and where and
-how long each was measured. Exit code 1 if a block was left as it was.
+all are measured, N at a time, those with a browser alone, as they keep two cores busy; Ctrl-C keeps those that are
+done. With `--jobs 2`, two cores need less than three hours for all. `--list` shows the commands, where and how long
+each was measured, and the sum of these times. Exit code 1 if a block was left as it was.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Lock
 
 from hdplan.scenes.output import write_output
 
@@ -33,6 +36,8 @@ PAGES = tuple(ROOT / page for page in ("docs/measurements.md", "docs/certificate
 BEGIN, END = "<!-- measured by: ", "<!-- end -->"
 BLOCK = re.compile(rf"^{re.escape(BEGIN)}(.+) -->\n((?:(?!{re.escape(BEGIN)}).*\n)*?){re.escape(END)}$", re.MULTILINE)
 PROBLEMS = "DIR"
+BROWSER = "benchmarks/view"  # how commands begin that drive one
+SPENT = re.compile(r" in (\d+) s, ")
 PACKAGES = (  # those of them that are installed
     *("hdplan", "numpy", "casadi", "pin", "coal", "jax"),
     *("drake", "ompl", "roboplan", "hpp-core", "tesseract-robotics-nanobind"),
@@ -54,10 +59,7 @@ def blocks(page: str) -> dict[str, str]:
 
 def replaced(page: str, command: str, content: str) -> str:
     """Return the page with `content` in the block of this command."""
-    return BLOCK.sub(
-        lambda block: f"{BEGIN}{command} -->\n{content}{END}" if block[1] == command else block[0],
-        page,
-    )
+    return BLOCK.sub(lambda block: f"{BEGIN}{command} -->\n{content}{END}" if block[1] == command else block[0], page)
 
 
 def measured(command: str, problems: Path | None) -> str:
@@ -94,13 +96,20 @@ def machine(load: float) -> str:
     )
 
 
-def renew(pages: Iterable[Path], command: str, problems: Path | None) -> None:
-    """Measure by one command and write the pages. Raises Failed, and then leaves them as they were."""
-    content = measured(command, problems)
-    for page in pages:
-        text = page.read_text(encoding="utf-8")
-        if command in blocks(text):
-            write_output(page, replaced(text, command, content).encode())
+def renew(pages: Iterable[Path], command: str, problems: Path | None, writing: Lock) -> bool:
+    """Measure by one command and write the pages; False where the benchmark failed, and they are left as they were."""
+    print(command, file=sys.stderr)
+    try:
+        content = measured(command, problems)
+    except Failed as reason:
+        print(f"{command}: left as it was, {reason}", file=sys.stderr)
+        return False
+    with writing:
+        for page in pages:
+            text = page.read_text(encoding="utf-8")
+            if command in blocks(text):
+                write_output(page, replaced(text, command, content).encode())
+    return True
 
 
 def main() -> int:
@@ -108,6 +117,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help="of the blocks: part of their command")
     parser.add_argument("--problems", type=Path, metavar=PROBLEMS, help="MotionBenchMaker's problems")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="commands at a time")
     parser.add_argument("--list", action="store_true", help="show the blocks and measure nothing")
     options = parser.parse_args()
     contents = {command: text for page in PAGES for command, text in blocks(page.read_text(encoding="utf-8")).items()}
@@ -115,21 +125,22 @@ def main() -> int:
         if not any(name in command for command in contents):
             parser.error(f"NAME '{name}' is in no command; there are:\n  " + "\n  ".join(contents))
     chosen = [command for command in contents if not options.names or any(name in command for name in options.names)]
-    left = 0
-    for place, command in enumerate(chosen, 1):
-        if options.list:
-            print(f"{command}\n    {contents[command].strip().splitlines()[-1].strip('*')}")
-            continue
-        print(f"{place} of {len(chosen)}: {command}", file=sys.stderr)
-        try:
-            renew(PAGES, command, options.problems)
-        except Failed as reason:
-            left += 1
-            print(f"{command}: left as it was, {reason}", file=sys.stderr)
-        except KeyboardInterrupt:
-            print(f"interrupted; {place - 1 - left} of {len(chosen)} blocks are written", file=sys.stderr)
-            return 130
-    return int(left > 0)
+    if options.list:
+        lines = {command: contents[command].strip().splitlines()[-1].strip("*") for command in chosen}
+        print("\n".join(f"{command}\n    {line}" for command, line in lines.items()))
+        spent = [int(found[1]) for line in lines.values() if (found := SPENT.search(line))]
+        print(f"{sum(spent) / 3600:.1f} h for {len(spent)} of {len(chosen)}")
+        return 0
+    done, writing = list[bool](), Lock()
+    try:
+        for jobs, browser in ((1, True), (options.jobs, False)):
+            own = [command for command in chosen if command.startswith(BROWSER) == browser]
+            with ThreadPoolExecutor(jobs) as pool:
+                done += pool.map(lambda command: renew(PAGES, command, options.problems, writing), own)
+    except KeyboardInterrupt:  # the pool begins nothing more
+        print(f"interrupted; {sum(done)} of {len(chosen)} blocks are written", file=sys.stderr)
+        return 130
+    return int(not all(done))
 
 
 if __name__ == "__main__":

@@ -1,14 +1,13 @@
 """Change proofs, motions, scenes, robots and meshes at random, and see what the checker of proofs accepts.
 
-    python benchmarks/mutations.py [--count N] [--seed S] [--scene NAME ...] [--state FILE]
+    python benchmarks/mutations.py [--count N] [--seed S] [--scene NAME ...]
 
 Every change keeps the hashes in the proof right, and the world in the proof is the one that the checker reads in the
-changed files, so that the kernel gets to see the change. What is accepted although
-something was changed is judged twice: by Pinocchio and coal in the world that the checker read (`world_mutations.py`),
-and, for what it read, by hdplan: the certificate of the changed motion in the changed scene, of the changed
-robot, finds the closest distances; they must not be below what the proof claims, and limits and ends that it claims
-must hold. Prints a table with a row per kind of change; "false" must be 0, as must errors other than a rejection. With
-a file of `--state`, an interrupted campaign is resumed.
+changed files, so that the kernel gets to see the change. What is accepted although something was changed is judged
+twice: by Pinocchio and coal in the world that the checker read (`world_judge.py`), and, for what it read, by hdplan:
+the certificate of the changed motion in the changed scene, of the changed robot, finds the closest distances; they must
+not be below what the proof claims, and limits and ends that it claims must hold. Prints a table with a row per kind of
+change; "false" must be 0, as must errors other than a rejection.
 """
 
 from __future__ import annotations
@@ -18,20 +17,23 @@ import contextlib
 import hashlib
 import json
 import re
-import resource
+import shutil
 import sys
 import tempfile
 import time
 import zlib
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from campaign import Tally
-from world_mutations import judged
+from campaign import meshes_of, table
+from memory import most_memory
+from sieges.mutations import of_bytes, of_text, of_tree
+from world_judge import World, judged
+from world_mutations import Case, direction, leaf, order, unpaired
 
 import hdplan
 from hdplan.planner.certificate.verdict import Status
@@ -44,21 +46,13 @@ from hdplan.verify.compare import plain
 from hdplan.verify.kernel import MAGIC, unpack
 from hdplan.verify.reading import read_world
 
-World = dict[str, Any]
+Random = np.random.Generator
 
 SCENES = (
-    "panda_cage",
-    "panda_carry",
-    "panda_table_pick",
-    "panda_gate",
-    "ur5_table",
-    "ur5_payload",
-    "panda_cup",
-    "planar_arm",
-    "panda_person",
+    *("panda_cage", "panda_carry", "panda_table_pick", "panda_gate", "ur5_table", "ur5_payload", "panda_cup"),
+    *("planar_arm", "panda_person"),
 )
 NUMBER = re.compile(r"(?<![\w.#])-?\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.])")
-WILD = ("nan", "inf", ".nan", ".inf", "-1", "0", "1e308", "1e-320", "x", "", "[]", "{}", "null", "true", "9" * 30)
 
 
 @dataclass
@@ -75,23 +69,19 @@ class Files:
         problem = hdplan.load_scene(scene)
         _, urdf, srdf, _ = description_of(problem.robot)
         text, robot = find_scene(scene).read_text(), urdf.read_text()
-        for mesh in dict.fromkeys(re.findall(r'filename="(package://[^"]+\.stl)"', robot)):
-            found = next(d / mesh[10:] for d in library_package_dirs() if (d / mesh[10:]).is_file())
-            if "collision" in mesh:
-                (folder / found.name).write_bytes(found.read_bytes())
-                robot = robot.replace(mesh, found.name)
+        for mesh, file in meshes_of(urdf).items():
+            shutil.copy(file, folder)
+            robot = robot.replace(mesh, file.name)
         (folder / "robot.urdf").write_text(robot)
         where = "urdf: robot.urdf\n"
         if srdf is not None:
-            (folder / "robot.srdf").write_bytes(srdf.read_bytes())
+            shutil.copy(srdf, folder / "robot.srdf")
             where += "  srdf: robot.srdf\n"
         where += f"  package_dirs: [{', '.join(map(str, library_package_dirs()))}]\n"
-        text = re.sub(r"  (name: (panda|ur5)|urdf: .*|srdf: .*)\n", "", text).replace(
-            "robot:\n", f"robot:\n  {where}", 1
-        )
-        (folder / "scene.yaml").write_text(text)
+        text = re.sub(r"  (name: (panda|ur5)|urdf: .*|srdf: .*)\n", "", text)
+        (folder / "scene.yaml").write_text(text.replace("robot:\n", f"robot:\n  {where}", 1))
         for extra in find_scene(scene).parent.glob("*.obj"):
-            (folder / extra.name).write_bytes(extra.read_bytes())
+            shutil.copy(extra, folder)
         hdplan.plan(hdplan.load_scene(folder / "scene.yaml"), time_limit=60).save(folder / "motion.json")
         proof = hdplan.prove(folder / "scene.yaml", folder / "motion.json")
         files = cls(folder)
@@ -164,50 +154,47 @@ class Files:
 
 # --- changes ----------------------------------------------------------------------------------------------------------
 
-Change = Callable[[Files, np.random.Generator], dict[str, bytes]]
+Change = Callable[[Files, Random], dict[str, bytes]]
 
 
-def text_of(key: str, wild: bool = False) -> Change:
-    """Change a number in a text file: a little or a lot, or into something that is none."""
+def numbers(key: str) -> Change:
+    """Change one or two numbers in a text file, a little or a lot."""
 
-    def change(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+    def change(files: Files, rng: Random) -> dict[str, bytes]:
         text = files.parts[key].decode()
-        found = list(NUMBER.finditer(text))
         for _ in range(int(rng.integers(1, 3))):
-            one = found[int(rng.integers(len(found)))]
-            value = float(one[0])
-            scale = 10.0 ** rng.uniform(-5, 1)
-            new = str(rng.choice(WILD)) if wild else repr(float(value + scale * rng.normal() * max(abs(value), 0.1)))
-            text = text[: one.start()] + new + text[one.end() :]
             found = list(NUMBER.finditer(text))
+            one = found[int(rng.integers(len(found)))]
+            value, scale = float(one[0]), 10.0 ** rng.uniform(-5, 1)
+            new = float(value + scale * rng.normal() * max(abs(value), 0.1))
+            text = f"{text[: one.start()]}{new!r}{text[one.end() :]}"
         return {key: text.encode()}
 
     return change
 
 
-def lines_of(key: str) -> Change:
-    """Leave out, repeat or exchange lines of a text file."""
+def words(key: str) -> Change:
+    """Change numbers, lines, pieces or names of a text file."""
+    return lambda files, rng: {key: of_text(rng, files.parts[key].decode()).encode(errors="replace")}
 
-    def change(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
-        lines = files.parts[key].splitlines(keepends=True)
-        i, j = (int(x) for x in rng.integers(len(lines), size=2))
-        match int(rng.integers(3)):
-            case 0:
-                del lines[i : i + int(rng.integers(1, 4))]
-            case 1:
-                lines.insert(j, lines[i])
-            case _:
-                lines[i], lines[j] = lines[j], lines[i]
-        return {key: b"".join(lines)}
+
+def arrays(*changes: Callable[[Case, Random], None]) -> Change:
+    """Change what the proof holds of leaves, with the counts in its head."""
+
+    def change(files: Files, rng: Random) -> dict[str, bytes]:
+        case = Case.apart({}, files.parts["head"], files.parts["arrays"])
+        changes[int(rng.integers(len(changes)))](case, rng)
+        head, data = case.parts()
+        return {"head": head, "arrays": data}
 
     return change
 
 
-def corner_of_a_mesh(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+def corner_of_a_mesh(files: Files, rng: Random) -> dict[str, bytes]:
     """Move a corner of a triangle of a mesh."""
     keys = [key for key in files.parts if key.startswith("mesh") and key.endswith(".stl")]
     if not keys:
-        return text_of("motion")(files, rng)
+        return numbers("motion")(files, rng)
     key = keys[int(rng.integers(len(keys)))]
     data = bytearray(files.parts[key])
     at = 84 + 50 * int(rng.integers((len(data) - 84) // 50)) + 12 + 4 * int(rng.integers(9))
@@ -216,65 +203,20 @@ def corner_of_a_mesh(files: Files, rng: np.random.Generator) -> dict[str, bytes]
     return {key: bytes(data)}
 
 
-def head_value(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
-    """Change a value of the proof's head."""
-    head = json.loads(files.parts["head"])
-    key = str(rng.choice(list(head)))
-    wild: list[object] = [None, -1, 0, 1, 0.5, 10**18, float("nan"), float("inf"), "x", [], {}, True, [[]], {"a": -1}]
-    if isinstance(head[key], float):
-        head[key] *= 1 + 10.0 ** rng.uniform(-6, 0)
-    elif isinstance(head[key], dict) and head[key] and rng.random() < 0.7:
-        inner = str(rng.choice(list(head[key])))
-        head[key][inner] = wild[int(rng.integers(len(wild)))]
-    else:
-        head[key] = wild[int(rng.integers(len(wild)))]
-    return {"head": json.dumps(head).encode()}
+def head_value(files: Files, rng: Random) -> dict[str, bytes]:
+    """Change values of the proof's head."""
+    return {"head": json.dumps(of_tree(rng, json.loads(files.parts["head"]))).encode()}
 
 
-def leaves(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
-    """Turn planes, drop or repeat leaves, or change their depths, with or without their counts."""
-    head, arrays = json.loads(files.parts["head"]), files.parts["arrays"]
-    skip = 2 * sum(head["cuts"].values())
-    counts = np.frombuffer(arrays, "<i4", head["pairs"], skip).copy()
-    depths = np.frombuffer(arrays, "<u1", head["leaves"], skip + counts.nbytes).copy()
-    normals = (
-        np.frombuffer(arrays, "<i4", 3 * head["leaves"], skip + counts.nbytes + depths.nbytes).reshape(-1, 3).copy()
-    )
-    tail = arrays[skip + counts.nbytes + depths.nbytes + normals.nbytes :]
-    leaf = int(rng.integers(len(depths)))
-    pair = int(np.searchsorted(np.cumsum(counts), leaf, side="right"))
-    match int(rng.integers(6)):
-        case 0:
-            normals[leaf] = (normals[leaf] + rng.normal(size=3) * 10.0 ** rng.uniform(1, 7)).clip(-(2**31), 2**31 - 1)
-        case 1:
-            normals[leaf] = -normals[leaf]
-        case 2:
-            depths, normals = np.delete(depths, leaf), np.delete(normals, leaf, axis=0)
-            counts[pair] -= 1
-        case 3:
-            depths, normals = np.insert(depths, leaf, depths[leaf]), np.insert(normals, leaf, normals[leaf], axis=0)
-            counts[pair] += 1
-        case 4:
-            depths[leaf] = int(rng.integers(256))
-        case _:
-            counts[pair] += int(rng.integers(-1, 2))
-            counts[int(rng.integers(len(counts)))] -= 1
-    made = arrays[:skip] + b"".join(each.tobytes() for each in (counts, depths, normals)) + tail
-    return {"head": json.dumps({**head, "leaves": len(depths)}).encode(), "arrays": made}
-
-
-def damage(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+def damage(files: Files, rng: Random) -> dict[str, bytes]:
     """Change or cut bytes of the file, before or after compression."""
     content = b"\n".join(files.parts[key] for key in ("head", "world", "arrays"))
-    before = rng.random() < 0.7
-    data = bytearray(content if before else MAGIC + zlib.compress(content, 9))
-    for _ in range(int(rng.integers(1, 4))):
-        data[int(rng.integers(len(data)))] = int(rng.integers(256))
-    cut = bytes(data[: int(rng.integers(len(data)))] if rng.random() < 0.3 else data)
-    return {"file": MAGIC + zlib.compress(cut, 1) if before else cut}
+    if rng.random() < 0.7:
+        return {"file": MAGIC + zlib.compress(of_bytes(rng, content), 1)}
+    return {"file": of_bytes(rng, MAGIC + zlib.compress(content, 9))}
 
 
-def bomb(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+def bomb(files: Files, rng: Random) -> dict[str, bytes]:
     """Claim or hold gigabytes."""
     head = json.loads(files.parts["head"])
     head[str(rng.choice(["pairs", "leaves", "rays"]))] = int(10 ** rng.uniform(3, 17))
@@ -282,7 +224,7 @@ def bomb(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
     return {"file": MAGIC + zlib.compress(b"\n".join([json.dumps(head).encode(), files.parts["world"], zeros]), 9)}
 
 
-def row_of_the_motion(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+def row_of_the_motion(files: Files, rng: Random) -> dict[str, bytes]:
     """Move a row of the motion by a joint's value, far or a little."""
     content = json.loads(files.parts["motion"])
     row = content["positions"][int(rng.integers(1, len(content["positions"]) - 1))]
@@ -290,7 +232,7 @@ def row_of_the_motion(files: Files, rng: np.random.Generator) -> dict[str, bytes
     return {"motion": json.dumps(content).encode()}
 
 
-def obstacle_in_the_way(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+def obstacle_in_the_way(files: Files, rng: Random) -> dict[str, bytes]:
     """Put an obstacle where the last link is at some row, or nearly."""
     files.restore()
     scene = hdplan.load_scene(files.folder / "scene.yaml")
@@ -306,7 +248,7 @@ def obstacle_in_the_way(files: Files, rng: np.random.Generator) -> dict[str, byt
     return {"scene": (text[: one.start()] + new + text[one.end() :]).encode()}
 
 
-def joint_elsewhere(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+def joint_elsewhere(files: Files, rng: Random) -> dict[str, bytes]:
     """Move or turn the place of a joint, or its axis."""
     text = files.parts["urdf"].decode()
     found = []
@@ -317,26 +259,14 @@ def joint_elsewhere(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
     return {"urdf": (text[:start] + " ".join(map(repr, new.tolist())) + text[start + len(old) :]).encode()}
 
 
-def pair_excused(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
-    """Leave out a pair: its leaves, and what the head says of it; or let the SRDF name another one, or one fewer."""
-    head, arrays = json.loads(files.parts["head"]), files.parts["arrays"]
+def pair_excused(files: Files, rng: Random) -> dict[str, bytes]:
+    """Leave a pair's leaves out, or change the SRDF, which names pairs that may touch."""
     if rng.random() < 0.5 and "srdf" in files.parts:
-        return lines_of("srdf")(files, rng)
-    skip = 2 * sum(head["cuts"].values())
-    counts = np.frombuffer(arrays, "<i4", head["pairs"], skip)
-    sizes = (counts.nbytes, head["leaves"], 12 * head["leaves"])
-    ends = np.cumsum([skip, *sizes])
-    depths, normals = arrays[ends[1] : ends[2]], arrays[ends[2] : ends[3]]
-    pair = int(rng.integers(len(counts)))
-    first, last = int(counts[:pair].sum()), int(counts[: pair + 1].sum())
-    whole = rng.random() < 0.5  # the pair and its leaves, or only these
-    kept = np.delete(counts, pair) if whole else np.where(np.arange(len(counts)) == pair, 0, counts).astype("<i4")
-    parts = kept.tobytes(), depths[:first] + depths[last:], normals[: 12 * first] + normals[12 * last :]
-    head |= {"pairs": len(kept), "leaves": head["leaves"] - (last - first)}
-    return {"head": json.dumps(head).encode(), "arrays": arrays[:skip] + b"".join(parts) + arrays[ends[3] :]}
+        return words("srdf")(files, rng)
+    return arrays(unpaired)(files, rng)
 
 
-def larger_claim(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+def larger_claim(files: Files, rng: Random) -> dict[str, bytes]:
     """Claim more clearance than is proven, or limits and ends that are not there; or lower a limit of the scene."""
     head = json.loads(files.parts["head"])
     match int(rng.integers(3)):
@@ -357,27 +287,19 @@ def larger_claim(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
     return {"head": json.dumps(head).encode()}
 
 
+TEXTS = {"world": "world", "motion": "motion", "scene": "scene", "URDF": "urdf"}  # and their keys
 CHANGES: dict[str, Change] = {
     "a row of the motion": row_of_the_motion,
     "an obstacle in the way": obstacle_in_the_way,
     "a joint elsewhere": joint_elsewhere,
     "a pair excused": pair_excused,
     "larger claims, lower limits": larger_claim,
-    "planes, leaves": leaves,
+    "planes, leaves": arrays(direction, leaf, order),
     "the head": head_value,
     "bytes": damage,
-    "the world's numbers": text_of("world"),
-    "the world's numbers, wild": text_of("world", wild=True),
     "gigabytes": bomb,
-    "the motion's numbers": text_of("motion"),
-    "the motion's numbers, wild": text_of("motion", wild=True),
-    "the motion's lines": lines_of("motion"),
-    "the scene's numbers": text_of("scene"),
-    "the scene's numbers, wild": text_of("scene", wild=True),
-    "the scene's lines": lines_of("scene"),
-    "the URDF's numbers": text_of("urdf"),
-    "the URDF's numbers, wild": text_of("urdf", wild=True),
-    "the URDF's lines": lines_of("urdf"),
+    **{f"the {name}'s numbers": numbers(key) for name, key in TEXTS.items()},
+    **{f"the {name}'s words": words(key) for name, key in TEXTS.items()},
     "corners of meshes": corner_of_a_mesh,
 }
 
@@ -396,16 +318,15 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--scene", action="append", help=f"by default {', '.join(SCENES)}")
-    parser.add_argument("--state", type=Path, help="a file with what was found, to go on where it was ended")
     options = parser.parse_args()
-    tally, slowest = Tally(options.seed, options.state), 0.0
+    tally, slowest = defaultdict[str, Counter[str]](Counter), 0.0
     with tempfile.TemporaryDirectory() as folder:
         everything = []
         for name in options.scene or SCENES:
             (Path(folder) / name).mkdir()
             everything.append(Files.of(name, Path(folder) / name))
             assert everything[-1].verify({})[0].startswith("accepted")
-        for number in tally.numbers(options.count):
+        for number in range(options.count):
             rng = np.random.default_rng([options.seed, number])
             kind = list(CHANGES)[number % len(CHANGES)]
             files = everything[int(rng.integers(len(everything)))]
@@ -421,14 +342,12 @@ def main() -> None:
                 verdict = ""
             slowest = max(slowest, time.process_time() - began)
             verdict = verdict or files.judge(*found)
-            tally.add(kind, verdict.partition(":")[0])
+            tally[kind][verdict.partition(":")[0]] += 1
             if ":" in verdict:
-                print(
-                    number, kind, files.folder.name, verdict, _difference(files, changed), file=sys.stderr, flush=True
-                )
-    print(tally.table(("rejected", "true", "not judged", "false", "error")))
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(f"slowest {slowest:.1f} s, memory at most {memory:.2f} GB")
+                told = number, kind, files.folder.name, verdict, _difference(files, changed)
+                print(*told, file=sys.stderr, flush=True)
+    print(table(tally, ("rejected", "true", "not judged", "false", "error")))
+    print(f"slowest {slowest:.1f} s, memory at most {most_memory() / 1e9:.2f} GB")
 
 
 if __name__ == "__main__":

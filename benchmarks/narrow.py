@@ -26,15 +26,15 @@ from typing import Any
 
 import numpy as np
 import yaml
+from cells import quantiles
 from narrow_places import RANDOM, places, random_place
 from peer_task import Task
 from processor_time import add_processor_time, set_clock
+from proven import proven
 
 import hdplan
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.studies.report import markdown_text
-from hdplan.verify import RejectedError
-from hdplan.verify.checking import check
 
 FETCH = "torso_lift shoulder_pan shoulder_lift upperarm_roll elbow_flex forearm_roll wrist_flex wrist_roll"
 UR5 = "shoulder_pan shoulder_lift elbow wrist_1 wrist_2 wrist_3"
@@ -129,16 +129,9 @@ def run(kind: str, number: str, content: dict[str, Any], folder: Path, time_limi
     seconds = time.perf_counter() - began
     if not result.certified:
         return Outcome(kind, number, f"not certified: {result.certificate.text}", seconds, result.attempts)
-    found = Outcome(kind, number, "certified", seconds, result.attempts)
-    if not proofs:
-        return found
     result.save(motion)
-    try:
-        verdict, _ = check(file, motion, hdplan.prove(file, motion).data)
-    except (hdplan.HdplanError, RejectedError) as error:
-        return Outcome(kind, number, "certified", seconds, result.attempts, str(error))
-    word = "accepted" if verdict.whole else verdict.text.splitlines()[0]
-    return Outcome(kind, number, "certified", seconds, result.attempts, word)
+    proof = proven(file, motion) if proofs else ""
+    return Outcome(kind, number, "certified", seconds, result.attempts, proof)
 
 
 def by_ompl(planner: str) -> Planner:
@@ -157,10 +150,8 @@ def by_roboplan(step: float, processor_time: bool) -> Planner:
     def solve(scene: hdplan.Scene, time_limit: float) -> tuple[str, float]:
         task = Task.of(scene)
         try:
-            if processor_time:
-                answer = peer.plan(task, BUSY * time_limit, step=step, of_processor=time_limit)
-            else:
-                answer = peer.plan(task, time_limit, step=step)
+            limits = (BUSY * time_limit, time_limit) if processor_time else (time_limit, 0.0)
+            answer = peer.plan(task, limits[0], step=step, of_processor=limits[1])
         except RuntimeError as error:
             return f"refused: {error}", np.nan
         if answer.path is None:
@@ -178,13 +169,12 @@ def compared(outcomes: list[Outcome]) -> str:
     for kind, planner in dict.fromkeys((each.set, each.planner) for each in outcomes):
         group = [each for each in outcomes if (each.set, each.planner) == (kind, planner)]
         mine = [each for each in group if (planner, kind, each.number) in solved]
-        times = [each.seconds for each in mine]
         row = {
             "set": kind,
             "planner": planner,
             "ends are free": sum(not each.status.startswith("ends") for each in group),
             "certified": len(mine),
-            "time median / worst [s]": f"{np.median(times):.2f} / {max(times):.2f}" if times else "",
+            "time median / worst [s]": quantiles([each.seconds for each in mine], (0.5, 1.0), 2),
             "hdplan does not": sum(("hdplan", kind, each.number) not in solved for each in mine),
         }
         rows.append(row)
@@ -197,19 +187,14 @@ def table(outcomes: list[Outcome], proofs: bool) -> str:
     for kind in dict.fromkeys(outcome.set for outcome in outcomes):
         group = [each for each in outcomes if each.set == kind and not each.status.startswith("ends")]
         good = [each for each in group if each.status == "certified"]
-        times = [each.seconds for each in good]
         row = {
             "set": kind,
             "problems": sum(each.set == kind for each in outcomes),
             "ends are free": len(group),
             "certified": len(good),
-            "time median / 90 % / worst [s]": "",
-            "guesses median / worst": "",
+            "time median / 90 % / worst [s]": quantiles([each.seconds for each in good], (0.5, 0.9, 1.0), 2),
+            "guesses median / worst": quantiles([each.attempts for each in good], (0.5, 1.0)),
         }
-        if good:
-            row["time median / 90 % / worst [s]"] = " / ".join(f"{np.percentile(times, p):.2f}" for p in (50, 90, 100))
-            guesses = [each.attempts for each in good]
-            row["guesses median / worst"] = f"{np.median(guesses):.0f} / {max(guesses)}"
         if proofs:
             row["proofs accepted"] = sum(each.proof == "accepted" for each in good)
         rows.append(row)

@@ -1,16 +1,13 @@
 """Plan problems in narrow places with other bodies, distances, guesses, solvers and rounds of polish, one at a time.
 
     python benchmarks/narrow_steps.py DIR [--set cage ...] [--every K] [--from J] [--time-limit S] [--give-up N]
-        [--processor-time] [--csv F]
+        [--processor-time]
 
 DIR is that of `narrow.py`; the set `fetch_cage` are MotionBenchMaker's cages for Fetch, the slowest of its problems,
 from mbm/ beside DIR. Prints, for each set, a row per setting: of the problems with free ends how many are certified by
 1, 4 and 16 guesses and by any number, and the processor time of those plans; to the error stream, a line per plan.
 With another distance than the HD-SDF the search has neither its exact distances nor its trees.
 A setting that certifies none of the first --give-up problems of a set gets no more of them, as its row says.
-
-With --csv each plan is written as soon as it is done, and what the file already holds is not planned again: a run can
-be made in shares, such as --every 100 --from 9, then --from 59. The table is of all that the file holds.
 """
 
 from __future__ import annotations
@@ -33,7 +30,6 @@ import yaml
 from narrow import SCENE, SETS, scenes
 from problems import real_problems
 from processor_time import add_processor_time, set_clock
-from resumed import kept, read
 
 import hdplan
 from hdplan.planner.search import guesses
@@ -68,25 +64,24 @@ class Outcome:
 
     set: str
     step: str
-    number: str
     certified: bool
     guesses: int
     seconds: float  # of a processor
 
 
-def problems(folder: Path, kind: str, every: int, first: int, scratch: Path) -> Iterator[tuple[str, hdplan.Scene]]:
-    """Yield number and scene of every K-th problem of a set, from the J-th."""
+def problems(folder: Path, kind: str, every: int, first: int, scratch: Path) -> Iterator[hdplan.Scene]:
+    """Yield the scene of every K-th problem of a set, from the J-th."""
     if kind == FETCH_CAGE:
         for problem in real_problems(folder.parent / "mbm", "fetch", sets=("cage",))[first::every]:
-            yield problem.number, problem.load()
+            yield problem.load()
         return
-    for number, content in scenes(folder, kind, every, first):
+    for _, content in scenes(folder, kind, every, first):
         file = scratch / SCENE
         file.write_text(yaml.safe_dump(content, sort_keys=False))
-        yield number, hdplan.load_scene(file)
+        yield hdplan.load_scene(file)
 
 
-def run(kind: str, step: str, number: str, scene: hdplan.Scene, time_limit: float) -> Outcome | None:
+def run(kind: str, step: str, scene: hdplan.Scene, time_limit: float) -> Outcome | None:
     """Plan with the settings of a step; None where an end is not free."""
     settings = dict(STEPS[step])
     solver, without = settings.pop("solver", "gauss_newton"), settings.pop("without", None)
@@ -97,30 +92,26 @@ def run(kind: str, step: str, number: str, scene: hdplan.Scene, time_limit: floa
             found = hdplan.plan(scene, solver=solver, time_limit=time_limit)
     except hdplan.UnsolvableError:
         return None
-    return Outcome(kind, step, number, found.certified, found.attempts, time.process_time() - began)
+    return Outcome(kind, step, found.certified, found.attempts, time.process_time() - began)
 
 
-def planned(options: argparse.Namespace, known: list[Outcome], scratch: Path) -> Iterator[Outcome]:
-    """Yield a plan of every problem with every setting, without those that are known."""
-    done = {(each.set, each.step, each.number): each for each in known}
+def planned(options: argparse.Namespace, scratch: Path) -> Iterator[Outcome]:
+    """Yield a plan of every problem with every setting."""
     for kind in options.set:
         by_step: dict[str, list[bool]] = {step: [] for step in STEPS}  # of each plan whether it was certified
         warm: set[str] = set()
-        for number, scene in problems(options.folder.absolute(), kind, options.every, options.first, scratch):
+        for scene in problems(options.folder.absolute(), kind, options.every, options.first, scratch):
             for step, certified in by_step.items():
                 if len(certified) >= options.give_up and not any(certified):
                     continue
-                outcome = done.get((kind, step, number))
+                if step not in warm:  # the first reads and computes all that settings share, in a plan not counted
+                    run(kind, step, scene, WARM_UP if warm else options.time_limit)
+                    warm.add(step)
+                outcome = run(kind, step, scene, options.time_limit)
                 if outcome is None:
-                    if step not in warm:  # the first reads and computes all that settings share, in a plan not counted
-                        if run(kind, step, number, scene, WARM_UP if warm else options.time_limit) is None:
-                            break  # with other settings the end is no freer
-                        warm.add(step)
-                    outcome = run(kind, step, number, scene, options.time_limit)
-                    if outcome is None:
-                        break
-                    yield outcome
+                    break  # with other settings the end is no freer
                 certified.append(outcome.certified)
+                yield outcome
 
 
 def table(outcomes: list[Outcome]) -> str:
@@ -152,16 +143,14 @@ def main() -> None:
         "--give-up", type=int, default=math.inf, metavar="N", help="problems of a set without any proof"
     )
     add_processor_time(parser)
-    parser.add_argument("--csv", type=Path, help="where each plan is written, and what was done is read from")
     options = parser.parse_args()
     set_clock(options)
-    known = read(options.csv, Outcome)
+    found = []
     with tempfile.TemporaryDirectory() as scratch:
-        new = kept(options.csv, Outcome, known, planned(options, known, Path(scratch)))
-        for outcome in new:
+        for outcome in planned(options, Path(scratch)):
             print(outcome, file=sys.stderr, flush=True)
-            known.append(outcome)
-    print(table(known))
+            found.append(outcome)
+    print(table(found))
 
 
 if __name__ == "__main__":

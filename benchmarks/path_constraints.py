@@ -16,6 +16,7 @@ from dataclasses import replace
 from math import inf
 
 import numpy as np
+from cells import milliseconds
 
 import hdplan
 from hdplan.planner.build import build
@@ -96,19 +97,15 @@ def main() -> None:
     for name, scene in cases():
         results = [hdplan.plan(each, time_limit=10.0) for each in problems(scene, count)]
         good = [result for result in results if result.certified]
-        solve = [1e3 * result.times.solve for result in results]
-        certify = [1e3 * result.times.certify / result.attempts for result in results]
-        first = sum(result.attempts == 1 for result in good)
-        rows.append(
-            {
-                "constraint": name,
-                "problems": count,
-                "certified": len(good),
-                "from the straight line": first,
-                "solve median / worst [ms]": f"{np.median(solve):.0f} / {max(solve):.0f}",
-                "certify [ms]": f"{np.median(certify):.0f}",
-            }
-        )
+        row = {
+            "constraint": name,
+            "problems": count,
+            "certified": len(good),
+            "from the straight line": sum(result.attempts == 1 for result in good),
+            "solve median / worst [ms]": milliseconds([result.times.solve for result in results], (0.5, 1.0)),
+            "certify [ms]": milliseconds([result.times.certify / result.attempts for result in results], (0.5,)),
+        }
+        rows.append(row)
     print(markdown_text(rows))
 
 

@@ -21,7 +21,6 @@ from pydrake.geometry import (
     Convex,
     Cylinder,
     GeometrySet,
-    SceneGraph,
     Shape,
     Sphere,
 )
@@ -118,18 +117,11 @@ def _world(task: Task) -> tuple[MultibodyPlant, Diagram]:
         for body in task.bodies
     ]
     plant.Finalize()
-    _keep_pairs(scene_graph, shapes, task)
-    return plant, builder.Build()
-
-
-def _keep_pairs(scene_graph: SceneGraph, shapes: list[object], task: Task) -> None:
-    """Leave out every pair that is none of the task's (those fixed to one body Drake leaves out itself)."""
-    kept, left_out = set(task.pairs), CollisionFilterDeclaration()
-    for b in range(len(shapes)):
-        for a in range(b):
-            if (a, b) not in kept and (b, a) not in kept:
-                left_out.ExcludeBetween(GeometrySet(shapes[a]), GeometrySet(shapes[b]))
+    left_out = CollisionFilterDeclaration()
+    for a, b in task.excused:  # those fixed to one body Drake leaves out itself
+        left_out.ExcludeBetween(GeometrySet(shapes[a]), GeometrySet(shapes[b]))
     scene_graph.collision_filter_manager().Apply(left_out)
+    return plant, builder.Build()
 
 
 def _shape(body: Body) -> Shape:

@@ -41,13 +41,7 @@ class Peer:
     def plan(self, task: Task, time_limit: float, **options: object) -> Answer:
         """Plan with the options of a row. Raises RuntimeError with the planner's message."""
         robot = describe(task, Path(self.folder.name))
-        request = {
-            **vars(robot),
-            "start": task.start.tolist(),
-            **_goal(task),
-            "time_limit": time_limit,
-            **options,
-        }
+        request = {**vars(robot), "start": task.start.tolist(), **_goal(task), "time_limit": time_limit, **options}
         reply = self._ask(request, time_limit + PATIENCE)
         if reply is None:
             return Answer(None, np.nan, time_limit)

@@ -39,14 +39,8 @@ def solve(request: dict[str, Any]) -> dict[str, Any]:
     group, step = request["group"], request["step"]
     ready = time.process_time()
     signal.setitimer(signal.ITIMER_PROF, request.get("of_processor", 0.0))  # 0: no limit
-    options = RRTOptions(
-        group,
-        max_nodes=NODES,
-        collision_check_step_size=step,
-        max_planning_time=request["time_limit"],
-        rrt_connect=True,
-    )
-    planner = RRT(scene, options)
+    limits = {"max_nodes": NODES, "max_planning_time": request["time_limit"]}
+    planner = RRT(scene, RRTOptions(group, collision_check_step_size=step, rrt_connect=True, **limits))
     planner.setRngSeed(SEED)
     start = JointConfiguration(request["joints"], np.array(request["start"]))
     try:
@@ -63,14 +57,9 @@ def _goal(scene: Scene, start: JointConfiguration, request: dict[str, Any]) -> J
     goal = JointConfiguration(request["joints"], np.array(request.get("goal", request["start"])))
     if "pose" in request:
         pose = CartesianConfiguration(request["base"], request["tip"], np.array(request["pose"]))
-        options = SimpleIkOptions(
-            request["group"],
-            max_time=request["time_limit"],
-            max_restarts=RESTARTS,
-            max_linear_error_norm=CLOSE,
-            max_angular_error_norm=CLOSE,
-        )
-        kinematics = SimpleIk(scene, options)
+        limits = {"max_time": request["time_limit"], "max_restarts": RESTARTS}
+        close = {"max_linear_error_norm": CLOSE, "max_angular_error_norm": CLOSE}
+        kinematics = SimpleIk(scene, SimpleIkOptions(request["group"], **limits, **close))
         kinematics.setRngSeed(SEED)
         if not kinematics.solveIk(pose, start, goal):
             raise RuntimeError("no inverse kinematics")

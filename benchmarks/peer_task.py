@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import pinocchio as pin
@@ -24,12 +24,7 @@ from hdplan.scenes.scene import Scene
 
 MARGIN = 0.005  # [m] that the peers keep, since they look at samples alone
 ENDS_KEEP = 0.5  # share of the ends' distance that they keep where that is less
-PIECES = (
-    31,
-    63,
-    127,
-    255,
-)  # equal joint-space steps of which a path consists when it is timed: hdplan's own, and finer
+PIECES = (31, 63, 127, 255)  # equal joint-space steps of a path that is timed: hdplan's own, and finer
 STEPS = 31  # equal joint-space steps of a path whose smoothness is measured: as many as hdplan's own by default
 
 
@@ -53,9 +48,7 @@ class Task:
     goal: Array  # (n,); with a pose as the goal, one configuration that reaches it, which no planner gets
     hand: str | None  # the link whose pose is the goal; None: the goal is `goal`
     bodies: tuple[Body, ...]  # convex hulls of the links' and the obstacles' pieces
-    pairs: tuple[
-        tuple[int, int], ...
-    ]  # indices of the bodies that must stay apart: those that the certificate compares
+    pairs: tuple[tuple[int, int], ...]  # of bodies, by index, that must stay apart: that the certificate compares
 
     @classmethod
     def of(cls, scene: Scene, hand: str | None = None) -> Task:
@@ -141,6 +134,12 @@ class Task:
         """Upper joint limits (n,), likewise."""
         ends = np.maximum(self.start, self.goal)
         return np.where(np.isinf(self.robot.upper), ends + np.pi, np.maximum(self.robot.upper, ends))
+
+    @property
+    def excused(self) -> list[tuple[int, int]]:
+        """The pairs of bodies that may touch: all that are not in `pairs`."""
+        kept = {frozenset(pair) for pair in self.pairs}
+        return [pair for pair in combinations(range(len(self.bodies)), 2) if frozenset(pair) not in kept]
 
     def geometry(self) -> pin.GeometryModel:
         """Return bodies and pairs as Pinocchio's geometry, the robot's links and the world in one."""

@@ -131,10 +131,8 @@ def _profiles(request: dict[str, Any]) -> ProfileDictionary:
     whole, ends, solver = TrajOptDefaultCompositeProfile(), TrajOptDefaultPlanProfile(), TrajOptOSQPSolverProfile()
     ones = np.ones(len(request["joints"]))
     whole.velocity_coeff = whole.acceleration_coeff = whole.jerk_coeff = ones
-    for contact, (reach, weight) in (
-        (whole.collision_constraint_config, FORBIDDEN),
-        (whole.collision_cost_config, COSTLY),
-    ):
+    contacts = (whole.collision_constraint_config, FORBIDDEN), (whole.collision_cost_config, COSTLY)
+    for contact, (reach, weight) in contacts:
         contact.collision_margin_buffer = reach
         contact.contact_manager_config.default_margin = request["margin"]
         contact.collision_check_config.type = CollisionEvaluatorType.LVS_CONTINUOUS

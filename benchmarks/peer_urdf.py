@@ -71,11 +71,8 @@ def _srdf(task: Task, tip: str) -> str:
     else:  # several arms
         for name in model.names[1:]:
             SubElement(group, "joint", name=name)
-    kept = {frozenset(pair) for pair in task.pairs}
-    for b in range(len(task.bodies)):
-        for a in range(b):
-            if frozenset((a, b)) not in kept:
-                SubElement(robot, "disable_collisions", link1=f"body_{a}", link2=f"body_{b}", reason="Never")
+    for a, b in task.excused:
+        SubElement(robot, "disable_collisions", link1=f"body_{a}", link2=f"body_{b}", reason="Never")
     return tostring(robot, encoding="unicode")
 
 

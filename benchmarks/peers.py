@@ -46,28 +46,29 @@ and smoothness as in `peer_task.measure`.
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from cells import milliseconds
 from peer_task import Answer, Shape, Task, measure
-from problems import HANDS, real_problems
+from problems import HANDS, problem_parser, real_problems
+from proven import proven
 from threadpoolctl import threadpool_limits
 
 import hdplan
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.studies.report import markdown_text
-from hdplan.verify import RejectedError
-from hdplan.verify.checking import check
 
 SEED = 1  # OMPL takes no 0
 FINE = 0.02  # [rad] joint-space step at which an edge is checked
+DISCRETE, BY_BOUNDS = {"validation": "Discretized", "tolerance": 0.05}, {"validation": "Dichotomy", "tolerance": 0.0}
 WARM_UP = 1.0  # [s] time limit of the run that is not measured
 
 Planner = Callable[[Task, float], Answer]  # of the task and the time limit [s]
@@ -107,35 +108,25 @@ def apart(script: str, keeps_margin: bool = False, **options: object) -> Planner
     return run
 
 
-WORDS = {  # in the table
-    "hdplan": "hdplan, timing and proofs included",
-    "drake-25": "Drake, 25 collision samples",
-    "drake-100": "Drake, 100 collision samples",
-    "trajopt": "TrajOpt (Tesseract), casts every 0.1 rad, no margin",
-    "trajopt-5mm": "TrajOpt (Tesseract), casts every 0.1 rad, 5 mm kept",
-    "rrtconnect": f"OMPL RRTConnect, checked every {FINE:g} rad, 5 mm kept",
-    "rrtconnect-1%": "OMPL RRTConnect, OMPL's own resolution, no margin",
-    "aorrtc-1s": "OMPL AORRTC, 1 s",
-    "aorrtc": "OMPL AORRTC, to the time limit",
-    "roboplan": "roboplan RRT-Connect, its own resolution (0.05 rad), no margin",
-    "roboplan-fine": "roboplan RRT-Connect, checked every 0.01 rad, no margin",
-    "hpp": "HPP bidirectional RRT, checked every 0.05 rad, no margin",
-    "hpp-proven": "HPP bidirectional RRT, edges proven by itself",
-}
-PLANNERS: dict[str, Callable[[], Planner]] = {
-    "hdplan": lambda: hdplan_planner,
-    "drake-25": lambda: drake(25),
-    "drake-100": lambda: drake(100),
-    "trajopt": lambda: apart("peer_trajopt.py", segment=0.1),
-    "trajopt-5mm": lambda: apart("peer_trajopt.py", keeps_margin=True, segment=0.1),
-    "rrtconnect": lambda: ompl("RRTConnect"),
-    "rrtconnect-1%": lambda: ompl("RRTConnect", as_it_comes=True),
-    "aorrtc-1s": lambda: ompl("AORRTC", most_seconds=1.0),
-    "aorrtc": lambda: ompl("AORRTC"),
-    "roboplan": lambda: apart("peer_roboplan.py", step=0.05),
-    "roboplan-fine": lambda: apart("peer_roboplan.py", step=0.01),
-    "hpp": lambda: apart("peer_hpp.py", validation="Discretized", tolerance=0.05),
-    "hpp-proven": lambda: apart("peer_hpp.py", validation="Dichotomy", tolerance=0.0),
+TRAJOPT = partial(apart, "peer_trajopt.py", segment=0.1)
+ROBOPLAN, HPP = partial(apart, "peer_roboplan.py"), partial(apart, "peer_hpp.py")
+PLANNERS: dict[str, tuple[str, Callable[[], Planner]]] = {  # with their words in the table
+    "hdplan": ("hdplan, timing and proofs included", lambda: hdplan_planner),
+    "drake-25": ("Drake, 25 collision samples", partial(drake, 25)),
+    "drake-100": ("Drake, 100 collision samples", partial(drake, 100)),
+    "trajopt": ("TrajOpt (Tesseract), casts every 0.1 rad, no margin", TRAJOPT),
+    "trajopt-5mm": ("TrajOpt (Tesseract), casts every 0.1 rad, 5 mm kept", partial(TRAJOPT, keeps_margin=True)),
+    "rrtconnect": (f"OMPL RRTConnect, checked every {FINE:g} rad, 5 mm kept", partial(ompl, "RRTConnect")),
+    "rrtconnect-1%": (
+        "OMPL RRTConnect, OMPL's own resolution, no margin",
+        partial(ompl, "RRTConnect", as_it_comes=True),
+    ),
+    "aorrtc-1s": ("OMPL AORRTC, 1 s", partial(ompl, "AORRTC", most_seconds=1.0)),
+    "aorrtc": ("OMPL AORRTC, to the time limit", partial(ompl, "AORRTC")),
+    "roboplan": ("roboplan RRT-Connect, its own resolution (0.05 rad), no margin", partial(ROBOPLAN, step=0.05)),
+    "roboplan-fine": ("roboplan RRT-Connect, checked every 0.01 rad, no margin", partial(ROBOPLAN, step=0.01)),
+    "hpp": ("HPP bidirectional RRT, checked every 0.05 rad, no margin", partial(HPP, **DISCRETE)),
+    "hpp-proven": ("HPP bidirectional RRT, edges proven by itself", partial(HPP, **BY_BOUNDS)),
 }
 TO_POSES = ("hdplan", "trajopt", "trajopt-5mm", "roboplan", "roboplan-fine")
 
@@ -165,11 +156,9 @@ def accepted(task: Task, path: Trajectory) -> bool:
         scene, motion = Path(folder) / "scene.yaml", Path(folder) / "motion.json"
         task.scene.save(scene)
         path.save(motion)
-        try:
-            return check(scene, motion, hdplan.prove(scene, motion).data)[0].whole
-        except (hdplan.HdplanError, RejectedError) as error:
-            print(f"no proof: {error}", file=sys.stderr)
-            return False
+        words = proven(scene, motion)
+    print(f"proof: {words}", file=sys.stderr)
+    return words == "accepted"
 
 
 def run(
@@ -191,18 +180,13 @@ def run(
         certificate = task.certifier.certify(path)
         motion = task.timed(answer.path) if certificate.certified else None
     duration = motion.duration if motion is not None and certificate.certified else None
-    return Outcome(
-        name,
-        *where,
-        True,
-        certificate.certified,
-        certificate.text,
-        *took,
-        measure(answer.path),
-        np.nan if certificate.clearance is None else certificate.clearance,
-        np.nan if duration is None else duration,
+    clearance = np.nan if certificate.clearance is None else certificate.clearance
+    seconds = np.nan if duration is None else duration
+    verdict, proof = (
+        (certificate.certified, certificate.text),
         proofs and certificate.certified and accepted(task, path),
     )
+    return Outcome(name, *where, True, *verdict, *took, measure(answer.path), clearance, seconds, proof)
 
 
 def line(o: Outcome) -> str:
@@ -220,31 +204,27 @@ def overview(outcomes: list[Outcome], proofs: bool = False) -> str:
     ours = {(o.robot, o.set, o.problem): o for o in outcomes if o.planner == "hdplan" and o.proven}
     several = len({o.robot for o in outcomes}) > 1
     for (robot, planner), group in _grouped(outcomes, lambda o: (o.robot, o.planner)).items():
-        seconds = [1e3 * o.seconds for o in group if np.isfinite(o.seconds)]
-        proven = [o for o in group if o.proven]
-        pairs = [(o, ours[where]) for o in proven if (where := (o.robot, o.set, o.problem)) in ours]
-        shapes = [o.shape for o in proven if o.shape]
-        rows.append(
-            {
-                **({"robot": robot} if several else {}),
-                "planner": WORDS[planner],
-                "claimed": f"{sum(o.claimed for o in group)} of {len(group)}",
-                "proven": len(proven),
-                **({"accepted": sum(o.accepted for o in proven)} if proofs else {}),
-                "timed": sum(np.isfinite(o.motion) for o in proven),
-                "planning median / p95 [ms]": f"{_quantile(seconds, 0.5, '.0f')} / {_quantile(seconds, 0.95, '.0f')}",
-                "length [rad]": _quantile([s.length for s in shapes], 0.5, ".2f"),
-                "length, of hdplan's [%]": _share(
-                    [(a.shape.length, b.shape.length) for a, b in pairs if a.shape and b.shape]
-                ),
-                "motion time [s]": _quantile([o.motion for o in proven if np.isfinite(o.motion)], 0.5, ".2f"),
-                "motion time, of hdplan's [%]": _share(
-                    [(a.motion, b.motion) for a, b in pairs if np.isfinite(a.motion)]
-                ),
-                "∫ acceleration² [rad²]": _quantile([s.acceleration for s in shapes], 0.5, ",.0f"),
-                "proven clearance median [mm]": _quantile([1e3 * o.clearance for o in proven], 0.5, ".1f"),
-            }
-        )
+        seconds = [o.seconds for o in group if np.isfinite(o.seconds)]
+        good = [o for o in group if o.proven]
+        pairs = [(o, ours[where]) for o in good if (where := (o.robot, o.set, o.problem)) in ours]
+        shapes = [o.shape for o in good if o.shape]
+        lengths = [(a.shape.length, b.shape.length) for a, b in pairs if a.shape and b.shape]
+        row = {
+            **({"robot": robot} if several else {}),
+            "planner": PLANNERS[planner][0],
+            "claimed": f"{sum(o.claimed for o in group)} of {len(group)}",
+            "proven": len(good),
+            **({"accepted": sum(o.accepted for o in good)} if proofs else {}),
+            "timed": sum(np.isfinite(o.motion) for o in good),
+            "planning median / p95 [ms]": milliseconds(seconds),
+            "length [rad]": _median([s.length for s in shapes], ".2f"),
+            "length / hdplan's [%]": _share(lengths),
+            "motion time [s]": _median([o.motion for o in good if np.isfinite(o.motion)], ".2f"),
+            "motion time / hdplan's [%]": _share([(a.motion, b.motion) for a, b in pairs if np.isfinite(a.motion)]),
+            "∫ acceleration² [rad²]": _median([s.acceleration for s in shapes], ",.0f"),
+            "proven clearance median [mm]": _median([1e3 * o.clearance for o in good], ".1f"),
+        }
+        rows.append(row)
     return markdown_text(rows)
 
 
@@ -277,8 +257,8 @@ def _grouped(
     return groups
 
 
-def _quantile(values: list[float], share: float, form: str) -> str | None:
-    return format(float(np.quantile(values, share)), form) if values else None
+def _median(values: list[float], form: str) -> str | None:
+    return format(float(np.median(values)), form) if values else None
 
 
 # --- command line -----------------------------------------------------------------------------------------------------
@@ -289,7 +269,7 @@ def available(names: Sequence[str]) -> dict[str, Planner]:
     found = {}
     for name in names:
         try:
-            found[name] = PLANNERS[name]()
+            found[name] = PLANNERS[name][1]()
         except ImportError as error:
             sys.exit(f"{name}: {error} (see --help for what to install, or choose others by --planner)")
     return found
@@ -297,14 +277,9 @@ def available(names: Sequence[str]) -> dict[str, Planner]:
 
 def main() -> None:
     """Run the comparison from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--robot", choices=("panda", "ur5"), action="append")
-    parser.add_argument("--set", nargs="*", default=[])
-    parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
+    parser = problem_parser(__doc__, time_limit=10.0)
     parser.add_argument("--goals", choices=("joints", "pose"), default="joints")
     parser.add_argument("--planner", nargs="*", choices=tuple(PLANNERS), help="all that can, without it")
-    parser.add_argument("--time-limit", type=float, default=10.0, help="[s] for each planner on each problem")
     parser.add_argument("--proofs", action="store_true", help="write and check a proof of every certified path")
     options = parser.parse_args()
     able = TO_POSES if options.goals == "pose" else tuple(PLANNERS)

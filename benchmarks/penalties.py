@@ -1,6 +1,7 @@
 """HD-SDF against FCL as the obstacle penalty: same bodies, functional, solver, first guesses and certificate.
 
-    python benchmarks/penalties.py DIR [--robot panda|ur5] [--every K] [--time-limit S] [--picture F]
+    python benchmarks/penalties.py DIR [--robot NAME ...] [--set cage ...] [--every K] [--time-limit S]
+    [--picture F]
 
 DIR holds MotionBenchMaker's problems as `mbm` takes them; the shipped scenes come on top. Each problem is planned with
 each of `penalty_variants`, one right after the other, all else at its default. Prints tables: effort over all problems,
@@ -17,7 +18,6 @@ the clock on the wall. Length and smoothness as in `peer_task.measure`.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import itertools
 import sys
@@ -32,9 +32,10 @@ import numpy as np
 import penalty_faces
 import penalty_pairs
 import penalty_picture
+from cells import milliseconds, quantiles
 from peer_task import Shape, measure
 from penalty_variants import VARIANTS, varied
-from problems import real_problems
+from problems import SHIPPED, mixed_problems, problem_parser
 from threadpoolctl import threadpool_limits
 
 import hdplan
@@ -46,9 +47,6 @@ from hdplan.planner.solvers import SOLVERS
 from hdplan.planner.solvers.solution import Iteration, Solver
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.yaml_format.reader import shipped_scenes
-
-SHIPPED = "shipped scenes"
 
 
 @dataclass
@@ -74,7 +72,6 @@ class Run:
     meter: Meter
     shape: Shape
     clearance: float  # [m] proven; NaN without proof
-    words: str
     steps: tuple[tuple[Iteration, ...], ...] = field(repr=False)  # of each attempt
 
     @property
@@ -140,27 +137,16 @@ def run(group: str, name: str, scene: Scene, variant: str, time_limit: float) ->
     with metered() as meter:
         result = hdplan.plan(varied(scene, variant), time_limit=time_limit, report=note)
     clearance = result.certificate.clearance
-    return Run(
-        group,
-        name,
-        variant,
-        result.certified,
-        result.attempts,
-        meter,
-        measure(result.trajectory.positions),
-        np.nan if clearance is None or not result.certified else clearance,
-        result.certificate.text,
-        tuple(map(tuple, steps.values())),
-    )
+    proven = np.nan if clearance is None or not result.certified else clearance
+    shape, attempts = measure(result.trajectory.positions), tuple(map(tuple, steps.values()))
+    return Run(group, name, variant, result.certified, result.attempts, meter, shape, proven, attempts)
 
 
 def line(r: Run) -> str:
     """One line for a person."""
-    return (
-        f"{r.group} {r.problem} {r.variant}: {'certified' if r.certified else 'not certified'}, {r.attempts} "
-        f"attempt(s), {r.iterations} iterations, {r.refused} of them refused, {1e3 * r.meter.solve:.0f} ms, length "
-        f"{r.shape.length:.2f} rad, {1e3 * r.clearance:.1f} mm"
-    )
+    steps = f"{r.attempts} attempt(s), {r.iterations} iterations, {r.refused} of them refused"
+    figures = f"{1e3 * r.meter.solve:.0f} ms, length {r.shape.length:.2f} rad, {1e3 * r.clearance:.1f} mm"
+    return f"{r.group} {r.problem} {r.variant}: {'' if r.certified else 'not '}certified, {steps}, {figures}"
 
 
 # --- tables -----------------------------------------------------------------------------------------------------------
@@ -177,21 +163,20 @@ def effort(runs: list[Run]) -> str:
             some = [r for r in runs if (r.group, r.variant) == (group, variant)]
             iterations, evaluations = sum(r.iterations for r in some), sum(r.meter.evaluations for r in some)
             pairs = sum(r.meter.pairs for r in some)
-            rows.append(
-                {
-                    "problems": group,
-                    "penalty": variant,
-                    "certified": f"{sum(r.certified for r in some)} of {len(some)}",
-                    "with the first guess": sum(r.certified and r.attempts == 1 for r in some),
-                    "attempts mean": f"{np.mean([r.attempts for r in some]):.2f}",
-                    "iterations median / p95": _spread([r.iterations for r in some]),
-                    "refused": f"{100 * sum(r.refused for r in some) / iterations:.0f} %",
-                    "evaluations median": f"{np.median([r.meter.evaluations for r in some]):.0f}",
-                    "solve median / p95 [ms]": _spread([1e3 * r.meter.solve for r in some]),
-                    "evaluation [ms]": 1e3 * sum(r.meter.evaluate for r in some) / evaluations,
-                    "distance of a pair [µs]": 1e6 * sum(r.meter.distance for r in some) / pairs if pairs else INSIDE,
-                }
-            )
+            row = {
+                "problems": group,
+                "penalty": variant,
+                "certified": f"{sum(r.certified for r in some)} of {len(some)}",
+                "with the first guess": sum(r.certified and r.attempts == 1 for r in some),
+                "attempts mean": f"{np.mean([r.attempts for r in some]):.2f}",
+                "iterations median / p95": quantiles([r.iterations for r in some]),
+                "refused": f"{100 * sum(r.refused for r in some) / iterations:.0f} %",
+                "evaluations median": f"{np.median([r.meter.evaluations for r in some]):.0f}",
+                "solve median / p95 [ms]": milliseconds([r.meter.solve for r in some]),
+                "evaluation [ms]": 1e3 * sum(r.meter.evaluate for r in some) / evaluations,
+                "distance of a pair [µs]": 1e6 * sum(r.meter.distance for r in some) / pairs if pairs else INSIDE,
+            }
+            rows.append(row)
     return markdown_text(rows)
 
 
@@ -206,52 +191,33 @@ def motions(runs: list[Run]) -> str:
             if not some:
                 continue
             clearance = [1e3 * r.clearance for r in some if np.isfinite(r.clearance)] or [np.nan]
-            rows.append(
-                {
-                    "certified by all": f"{len(shared)} of {group}",
-                    "penalty": variant,
-                    "last weight [1/m²]": f"{np.median([r.steps[-1][-1].weight for r in some]):.1e}",
-                    "length [rad]": float(np.median([r.shape.length for r in some])),
-                    "∫ acceleration² [rad²]": float(np.median([r.shape.acceleration for r in some])),
-                    "∫ jerk² [rad²]": f"{np.median([r.shape.jerk for r in some]):.3g}",
-                    "proven clearance 5 % / median [mm]": (
-                        f"{np.quantile(clearance, 0.05):.1f} / {np.median(clearance):.1f}"
-                    ),
-                }
-            )
+            row = {
+                "certified by all": f"{len(shared)} of {group}",
+                "penalty": variant,
+                "last weight [1/m²]": f"{np.median([r.steps[-1][-1].weight for r in some]):.1e}",
+                "length [rad]": float(np.median([r.shape.length for r in some])),
+                "∫ acceleration² [rad²]": float(np.median([r.shape.acceleration for r in some])),
+                "∫ jerk² [rad²]": f"{np.median([r.shape.jerk for r in some]):.3g}",
+                "proven clearance 5 % / median [mm]": quantiles(clearance, (0.05, 0.5), 1),
+            }
+            rows.append(row)
     return markdown_text(rows)
-
-
-def _spread(values: list[float] | list[int]) -> str:
-    return f"{np.median(values):.0f} / {np.quantile(values, 0.95):.0f}"
 
 
 # --- command line -----------------------------------------------------------------------------------------------------
 
 
-def problems(folder: Path, robots: list[str], every: int) -> Iterator[tuple[str, str, Callable[[], Scene]]]:
-    """Group, name and loader of every problem."""
-    for name in shipped_scenes():
-        yield SHIPPED, name, lambda name=name: hdplan.load_scene(name)  # type: ignore[misc]
-    for robot in robots:
-        for problem in real_problems(folder, robot, every):
-            yield robot, f"{problem.set} {problem.number}", problem.load
-
-
 def main() -> None:
     """Run the comparison from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--robot", choices=("panda", "ur5"), action="append")
-    parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
-    parser.add_argument("--time-limit", type=float, default=30.0, help="[s] for each plan")
+    parser = problem_parser(__doc__)
     parser.add_argument("--picture", type=Path, help="where to draw the cost against the iteration")
     options = parser.parse_args()
     runs: list[Run] = []
     timed: list[penalty_pairs.PairTimes] = []
     warm: set[str] = set()
     with threadpool_limits(1):
-        for group, name, load in problems(options.folder, options.robot or ["panda", "ur5"], options.every):
+        robots = options.robot or ("panda", "ur5")
+        for group, name, load in mixed_problems(options.folder, options.every, robots, options.set):
             scene = load()
             try:
                 if scene.robot.name not in warm:  # fits and compiles what is not in the cache

@@ -51,12 +51,7 @@ def tilted() -> Tilted:
     pairs = body_pairs(bodies, walls, [(0, 0)], MARGIN, np.zeros((2, 0), dtype=np.bool_))
     rows = np.zeros((len(TILTS), 2, 12))
     rows[:, :, [0, 4, 8]] = 1.0
-    rows[:, 1, 0], rows[:, 1, 2], rows[:, 1, 6], rows[:, 1, 8] = (
-        np.cos(TILTS),
-        np.sin(TILTS),
-        -np.sin(TILTS),
-        np.cos(TILTS),
-    )
+    rows[:, 1, [0, 2, 6, 8]] = np.column_stack([np.cos(TILTS), np.sin(TILTS), -np.sin(TILTS), np.cos(TILTS)])
     rows[:, 1, 11] = EDGE + GAP
     kinematics = KinematicsBatch(rows, np.zeros((len(TILTS), 0, 6)))
     settings = PlannerSettings()
@@ -95,17 +90,16 @@ def table() -> str:
             after = np.array([_gradients(problem, configurations + shift) for shift in shifts])
             changes = 100 * np.linalg.norm(after - before, axis=-1) / np.linalg.norm(before, axis=-1)
             middle, high, most = np.quantile(changes, [0.5, 0.95, 1.0])
-            rows.append(
-                {
-                    "panda_corridor, links as": bodies,
-                    "penalty": name,
-                    "iterations": found[name].iterations,
-                    f"change of the gradient in {MOTION:g} rad: median": f"{middle:.1f} %",
-                    "95 %": f"{high:.1f} %",
-                    "largest": f"{most:.0f} %",
-                    f"above {100 * MUCH:.0f} %": f"{100 * np.mean(changes > 100 * MUCH):.2f} %",
-                }
-            )
+            row = {
+                "panda_corridor, links as": bodies,
+                "penalty": name,
+                "iterations": found[name].iterations,
+                f"change of the gradient in {MOTION:g} rad: median": f"{middle:.1f} %",
+                "95 %": f"{high:.1f} %",
+                "largest": f"{most:.0f} %",
+                f"above {100 * MUCH:.0f} %": f"{100 * np.mean(changes > 100 * MUCH):.2f} %",
+            }
+            rows.append(row)
     return markdown_text(rows)
 
 

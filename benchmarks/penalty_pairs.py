@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -47,14 +48,9 @@ def measure(ours: Problem, exact: Problem) -> list[PairTimes]:
             continue
         assert isinstance(mine.distance, HdsdfPairs)
         assert isinstance(other.distance, FclPairs)
-        result.append(
-            PairTimes(
-                len(pair),
-                _quickest(lambda: mine.distance(kinematics, sample, pair)) / len(pair),  # noqa: B023
-                _quickest(lambda: other.distance(kinematics, sample, pair)) / len(pair),  # noqa: B023
-                _loop_seconds(other.distance, kinematics, sample, pair) / len(pair),
-            )
-        )
+        once = [_quickest(partial(each.distance, kinematics, sample, pair)) for each in (mine, other)]
+        once.append(_loop_seconds(other.distance, kinematics, sample, pair))
+        result.append(PairTimes(len(pair), *(seconds / len(pair) for seconds in once)))
     return result
 
 
@@ -67,14 +63,12 @@ def table(times: list[PairTimes]) -> str:
     def mean(name: str) -> float:
         return 1e6 * float(np.average([getattr(t, name) for t in times], weights=count))
 
+    title = f"distance of a pair [µs], mean of {count.sum()}"
+    columns = {"hdsdf": ("hdsdf", "hdsdf"), "fcl": ("fcl", "fcl_loop")}
     return markdown_text(
         [
-            {
-                f"distance of a pair [µs], mean of {count.sum()}": name,
-                "as the planner calls it": mean(whole),
-                "compiled loop alone": mean(loop),
-            }
-            for name, whole, loop in (("hdsdf", "hdsdf", "hdsdf"), ("fcl", "fcl", "fcl_loop"))
+            {title: name, "as the planner calls it": mean(whole), "compiled loop alone": mean(loop)}
+            for name, (whole, loop) in columns.items()
         ]
     )
 

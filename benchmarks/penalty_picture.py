@@ -42,39 +42,23 @@ def draw(attempts: Mapping[str, Attempts], certified: dict[str, list[bool]], til
                 left.fill_between(iterations, low, high, color=colour, alpha=0.2, linewidth=0)
             left.plot(iterations, half, dash, color=colour, label=label)
 
-            needed = [
-                sum(map(len, problem)) if found else np.inf
-                for problem, found in zip(attempts[name], certified[name], strict=True)
-            ]
+            both = zip(attempts[name], certified[name], strict=True)
+            needed = [sum(map(len, problem)) if found else np.inf for problem, found in both]
             shares = 100 * np.mean(np.array(needed)[:, None] <= np.arange(1, FAR + 1), axis=0)
             middle.plot(np.arange(1, FAR + 1), shares, dash, color=colour, label=label)
             right.plot(np.rad2deg(tilted.tilts), 1e3 * tilted.torques[name], dash, color=colour, label=label)
-        left.set(
-            title="Cost while solving from the first guess",
-            xlabel="iteration",
-            ylabel="smoothness + 10⁶ m⁻² × own penalty",
-            yscale="log",
-            xlim=(1, SHOWN),
-        )
+        left.set(title="Cost while solving from the first guess", ylabel="smoothness + 10⁶ m⁻² × own penalty")
+        left.set(xlabel="iteration", yscale="log", xlim=(1, SHOWN))
         left.text(0.98, 0.68, f"median and quartiles\nof {len(attempts['hdsdf'])} problems", **_words(left, "right"))
         middle.set(
-            title="Problems certified",
-            xlabel="iterations, over all first guesses",
-            ylabel="of all problems [%]",
-            xscale="log",
-            xlim=(1, FAR),
-            ylim=(0, 102),
+            title="Problems certified", xlabel="iterations, over all first guesses", ylabel="of all problems [%]"
         )
-        right.set(
-            title="A box tilted above a wall",
-            xlabel="tilt [°]",
-            ylabel="derivative of D by the tilt [mm/rad]",
-            xlim=(-3, 3),
-        )
+        middle.set(xscale="log", xlim=(1, FAR), ylim=(0, 102))
+        right.set(title="A box tilted above a wall", xlabel="tilt [°]", ylabel="derivative of D by the tilt [mm/rad]")
+        right.set(xlim=(-3, 3))
         right.axhline(0, color=INK, linewidth=0.5)
-        right.text(
-            0.03, 0.05, f"box of {1e3 * EDGE:.0f} mm,\n{1e3 * GAP:.0f} mm above the wall", **_words(right, "left")
-        )
+        words = f"box of {1e3 * EDGE:.0f} mm,\n{1e3 * GAP:.0f} mm above the wall"
+        right.text(0.03, 0.05, words, **_words(right, "left"))
         left.legend(loc="upper right")
         figure.savefig(file, dpi=160)
         plt.close(figure)

@@ -23,10 +23,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import yaml
+from cells import quantiles
 from picks_recheck import RefutedError, Scene, recheck
 from scipy.spatial.transform import Rotation
+from sieges.poses import of_scene
 
 import hdplan
+from hdplan.planner.studies.report import markdown_text
 
 BEFORE, RAISED, BACK = 0.10, 0.06, 0.10  # [m] before a grasp, above where an object stands, and behind it
 LOOSE = 1e-3  # [m] above its board, in which an object is let go
@@ -61,37 +64,16 @@ class Arm:
 
 
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
+PANDA = {"name": "panda", "locked": dict.fromkeys(FINGERS, 0.04)}
+UR5 = {"name": "ur5", "ignore_pairs": [["wrist_3_link", "ee_link"]]}
+UR5_START = {"joints": [0.3, -1.5, 1.9, -1.97, -1.57, 0.0]}
+XARM_START = {"joints": [0.0, -0.4, 0.0, 0.9, 0.0, 1.3, 0.0]}
+PADS = ("panda_leftfinger", "panda_rightfinger")
+ALONG_Z, ALONG_X = Rotation.identity(), Rotation.from_euler("y", 90, degrees=True)
 ARMS = {
-    "panda": Arm(
-        {"name": "panda", "locked": dict.fromkeys(FINGERS, 0.04)},
-        {"state": "default"},
-        "panda_hand_tcp",
-        Rotation.identity(),
-        ("panda_leftfinger", "panda_rightfinger"),
-        FINGERS,
-        7.5,
-        0.55,
-    ),
-    "ur5": Arm(
-        {"name": "ur5", "ignore_pairs": [["wrist_3_link", "ee_link"]]},
-        {"joints": [0.3, -1.5, 1.9, -1.97, -1.57, 0.0]},
-        "ee_link",
-        Rotation.from_euler("y", 90, degrees=True),
-        ("wrist_3_link",),
-        (),
-        8.0,
-        0.62,
-    ),
-    "xarm7": Arm(
-        {"name": "xarm7"},
-        {"joints": [0.0, -0.4, 0.0, 0.9, 0.0, 1.3, 0.0]},
-        "link7",
-        Rotation.identity(),
-        ("link7",),
-        (),
-        8.0,
-        0.52,
-    ),
+    "panda": Arm(PANDA, {"state": "default"}, "panda_hand_tcp", ALONG_Z, PADS, FINGERS, 7.5, 0.55),
+    "ur5": Arm(UR5, UR5_START, "ee_link", ALONG_X, ("wrist_3_link",), (), 8.0, 0.62),
+    "xarm7": Arm({"name": "xarm7"}, XARM_START, "link7", ALONG_Z, ("link7",), (), 8.0, 0.52),
 }
 
 
@@ -182,10 +164,8 @@ def _furniture(rng: np.random.Generator, arm: Arm) -> tuple[list[dict[str, Any]]
         _obstacle("table", [0.5, 0.7, THICK], [0.55, 0.0, top - 0.5 * THICK]),
         *(part(each.name, [0.28, 0.64, THICK], [far, 0.0, each.at[2] - 0.5 * THICK]) for each in boards),
         part("back", [0.02, 0.68, tall], [far + 0.15, 0.0, middle - 0.5 * THICK]),
-        *(
-            part(name, [0.28, 0.02, tall], [far, y, middle - 0.5 * THICK])
-            for name, y in (("left", 0.33), ("right", -0.33))
-        ),
+        part("left", [0.28, 0.02, tall], [far, 0.33, middle - 0.5 * THICK]),
+        part("right", [0.28, 0.02, tall], [far, -0.33, middle - 0.5 * THICK]),
     ]
     return parts, [table, *boards]
 
@@ -202,13 +182,10 @@ def _spot(
         board = boards[int(rng.integers(len(boards)))]
         free = 0.5 * np.array(board.size) - away - 0.03
         place = board.place(*rng.uniform(-free, free))
-        apart = [np.linalg.norm(place[:2] - other[:2]) - away - far for other, far in taken if _same(place, other)]
+        near = [(other, far) for other, far in taken if abs(place[2] - other[2]) < 0.3]
+        apart = [np.linalg.norm(place[:2] - other[:2]) - away - far for other, far in near]
         if min(apart, default=1.0) > ROOM:
             return board, place
-
-
-def _same(place: np.ndarray, other: np.ndarray) -> bool:
-    return bool(abs(place[2] - other[2]) < 0.3)
 
 
 def _grasps(arm: Arm, kind: Kind, covered: tuple[bool, bool]) -> Iterator[tuple[np.ndarray, Rotation]]:
@@ -250,9 +227,8 @@ def job(number: int, folder: Path) -> dict[str, Any]:
         stand = _standing(rng, boards)
         what = list(KINDS)[int(rng.integers(len(KINDS)))]
         kind, (source, at, yaw) = KINDS[what], stand[what]
-        target, place = _spot(
-            rng, boards, kind.away, [(there, KINDS[each].away) for each, (_, there, _) in stand.items()]
-        )
+        taken = [(there, KINDS[each].away) for each, (_, there, _) in stand.items()]
+        target, place = _spot(rng, boards, kind.away, taken)
         place = place + [0.0, 0.0, LOOSE + 0.5 * kind.height]
         grasps = list(_grasps(arm, kind, (source.covered, target.covered)))
         turns = [target.yaw + a for a in ((0.0, math.pi) if target.covered else np.arange(4) * 0.5 * math.pi)]
@@ -349,11 +325,9 @@ class Hand:
     def _at(self, grasp: tuple[np.ndarray, Rotation], stands: Stand, back: float) -> bool:
         """True if from a configuration that grasps the object the hand can go back, and up with it."""
         place, yaw, board = stands
-        object_ = np.eye(4)
-        object_[:3, :3], object_[:3, 3] = Rotation.from_euler("z", yaw).as_matrix(), place
         offset, turn = grasp
-        tool = np.eye(4)
-        tool[:3, :3], tool[:3, 3] = (turn * self.arm.tool.inv()).as_matrix(), offset
+        object_ = of_scene(_pose(place, Rotation.from_euler("z", yaw)))
+        tool = of_scene(_pose(offset, turn * self.arm.tool.inv()))
         taken = object_ @ tool
         up, behind = np.array([0.0, 0.0, RAISED]), -back * (object_[:3, :3] @ turn.as_matrix()[:, 2])
         for _ in range(TRIES):
@@ -428,13 +402,14 @@ def picks(folder: Path, count: int, first: int, time_limit: float) -> None:
         found.append(each := json.loads(file.read_text()))
         line = f"{number:4} {each['robot']:6} {each['seconds']:6.2f} s: {each['words'][:200]}"
         print(line, file=sys.stderr, flush=True)
-    print("| arm | jobs | certified whole | refuted | processor time of planning [s]: median, 95 %, worst |")
-    print("| --- | --- | --- | --- | --- |")
+    rows = []
     for name in (*ARMS, "all"):
         if some := [each for each in found if name in (each["robot"], "all")]:
             whole, wrong = (sum(each["is"] == word for each in some) for word in ("certified", "refuted"))
-            seconds = np.percentile([each["seconds"] for each in some], (50, 95, 100))
-            print(f"| {name} | {len(some)} | {whole} | {wrong} | {' / '.join(f'{each:.2f}' for each in seconds)} |")
+            seconds = quantiles([each["seconds"] for each in some], (0.5, 0.95, 1.0), 2)
+            row = {"arm": name, "jobs": len(some), "certified whole": whole, "refuted": wrong}
+            rows.append(row | {"processor time of planning [s]: median, 95 %, worst": seconds})
+    print(markdown_text(rows))
 
 
 def _planned(folder: Path, number: int, time_limit: float) -> dict[str, Any]:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import functools
 import itertools
 import json
-import sysconfig
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -23,16 +22,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
+from sieges.machine import DATA, NAMED, SHARE
 from sieges.poses import of_scene
 from sieges.rows import Rows
 
-SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share"
-DATA = SHARE / "example-robot-data" / "robots"
-ROBOTS = {  # description, and pairs of links that its maker lets touch, or that this robot's meshes always do
-    "panda": ("panda_description/urdf/panda.urdf", "panda_description/srdf/panda.srdf"),
-    "ur5": ("ur_description/urdf/ur5_robot.urdf", "ur_description/srdf/ur5.srdf"),
-    "xarm7": ("xarm_description/urdf/xarm7.urdf", "xarm_description/srdf/xarm7.srdf"),
-}
 STEP = 5e-3  # [s] between samples
 REACH = 5e-3 + 1e-6  # [m] of a hand from what it takes
 OFF, TURNED = 1e-3 + 1e-6, 1e-2 + 1e-6  # [m] and [rad] by which a pose, and a line, may be missed
@@ -66,14 +59,13 @@ class Scene:
         owner = {i: str(self.model.frames[item.parentFrame].name) for i, item in enumerate(self.links.geometryObjects)}
         self.of_link = [owner[i] for i in range(len(owner))]
         ignored = {frozenset(pair) for pair in scene["robot"].get("ignore_pairs", ())}
-        joint = [self.model.frames[named[link]].parentJoint for link in self.of_link]
+        joint, above = [self.model.frames[named[link]].parentJoint for link in self.of_link], self.model.parents
         self.self_pairs = [
-            (pair.first, pair.second)
-            for pair in self.links.collisionPairs
-            if frozenset((self.of_link[pair.first], self.of_link[pair.second])) not in ignored
-            and joint[pair.first] != joint[pair.second]
-            and self.model.parents[joint[pair.second]] != joint[pair.first]
-            and self.model.parents[joint[pair.first]] != joint[pair.second]
+            (a, b)
+            for a, b in ((pair.first, pair.second) for pair in self.links.collisionPairs)
+            if frozenset((self.of_link[a], self.of_link[b])) not in ignored
+            and joint[a] not in (joint[b], above[joint[b]])
+            and joint[b] != above[joint[a]]
         ]
         self.shapes = {each["name"]: _shape(each["shape"], folder) for each in scene["obstacles"]}
         self.places = {each["name"]: of_scene(each["pose"]) for each in scene["obstacles"]}
@@ -130,9 +122,7 @@ class Scene:
         for k in np.flatnonzero(bound <= np.where(pairs.cleared, worst, min(worst, 0.0))):
             i, j = pairs.one[k], pairs.other[k]
             found = distance(self.solids[i], poses[i], self.solids[j], poses[j])
-            if (
-                found < (worst if pairs.cleared[k] else min(worst, 0.0)) or found <= 0.0
-            ):  # of triangles that meet, coal says 0
+            if found <= 0.0 or found < (worst if pairs.cleared[k] else min(worst, 0.0)):  # of triangles, coal says 0
                 worst, between = found, (self.names[i], self.names[j])
         return worst, between
 
@@ -157,7 +147,7 @@ class Scene:
 @functools.cache
 def _robot(name: str) -> tuple[pin.Model, pin.GeometryModel, dict[str, str]]:
     """Return a robot's model, its links, and joints that follow others."""
-    urdf, srdf = (str(DATA / file) for file in ROBOTS[name])
+    urdf, srdf = (str(DATA / file) for file in NAMED[name])
     model = pin.buildModelFromUrdf(urdf)
     links = pin.buildGeomFromUrdf(model, urdf, pin.GeometryType.COLLISION, package_dirs=[str(SHARE)])
     links.addAllCollisionPairs()
@@ -224,12 +214,11 @@ class Motion:
             self.base[model.joints[model.getJointId(name)].idx_q] = value
         self.columns = [model.joints[model.getJointId(name)].idx_q for name in self.names]
 
-    def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def at(self, times: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return positions, velocities, accelerations and jerks at some times."""
         i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
         s = (times - self.times[i]) / (self.times[i + 1] - self.times[i])
-        q, v, a, j = (self.rows.at(i, s, order) for order in range(4))
-        return q, v, a, j
+        return tuple(self.rows.at(i, s, order) for order in range(4))
 
     def whole(self, q: np.ndarray) -> np.ndarray:
         """Return the values of all joints of the model; none of these robots has joints without limits."""
@@ -265,10 +254,8 @@ def recheck(scene: dict[str, Any], folder: Path, motion: Path, step: float = STE
             bodies.place(driven.whole(q))
             found, between = bodies.least(pairs, claims[stage["name"]])
             if found < claims[stage["name"]] - 1e-6 or found <= 0.0 < len(between[0]):
-                raise RefutedError(
-                    f"{stage['name']}: {' and '.join(between)} are {found * 1e3:.3f} mm apart, "
-                    f"{claims[stage['name']] * 1e3:.3f} mm are claimed"
-                )
+                apart = f"{found * 1e3:.3f} mm apart, {claims[stage['name']] * 1e3:.3f} mm are claimed"
+                raise RefutedError(f"{stage['name']}: {' and '.join(between)} are {apart}")
             for one, other in map(tuple, touch):
                 if (deep := -bodies.nearest(one, [other])) > DEEP:
                     raise RefutedError(f"{stage['name']}: {one} and {other} overlap by {deep * 1e3:.3f} mm")
@@ -303,23 +290,22 @@ def _driven(
     times: np.ndarray,
     stage: dict[str, Any],
     fingers: set[str],
-    limits_: dict[str, Any],
+    limits: dict[str, Any],
 ) -> np.ndarray:
     """Return positions at the times of a stage, in which only joints move that are to move, within their limits."""
     name, moved = stage["name"], _fingers(stage)
     rows, rates, *pushes = driven.at(times)
     model_joints = [model.joints[model.getJointId(joint)] for joint in driven.names]
-    low, high = (
-        limit[[joint.idx_q for joint in model_joints]] for limit in (model.lowerPositionLimit, model.upperPositionLimit)
-    )
+    columns = [joint.idx_q for joint in model_joints]
+    low, high = model.lowerPositionLimit[columns], model.upperPositionLimit[columns]
     if ((rows < low - STILL) | (rows > high + STILL)).any():
         raise RefutedError(f"{name}: position beyond its limit")
     still = [joint not in moved if stage.keys() & {"grip", "release"} else joint in fingers for joint in driven.names]
     if np.ptp(rows, axis=0)[still].max(initial=0.0) > STILL:
         raise RefutedError(f"{name}: joints move that are to stand still")
     fast = model.velocityLimit[[joint.idx_v for joint in model_joints]]
-    limits = fast, limits_["acceleration"], limits_["jerk"]
-    for what, limit, values in zip(("velocity", "acceleration", "jerk"), limits, (rates, *pushes), strict=True):
+    most = {"velocity": fast, "acceleration": limits["acceleration"], "jerk": limits["jerk"]}
+    for (what, limit), values in zip(most.items(), (rates, *pushes), strict=True):
         if (np.abs(values) > limit * (1 + ROUNDING) + STILL).any():
             raise RefutedError(f"{name}: {what} beyond its limit")
     if np.abs(rates[[0, -1]]).max() > STILL:

@@ -16,10 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
+from blended_jobs import at_rest
 from scipy.spatial.transform import Rotation
 
 import hdplan
+from hdplan.planner.robot.link_frame import link_poses
 
 SPEED, ACCELERATION, TURNING = 1.0, 2.25, 1.57  # of the tool: cartesian_limits.yaml of both robots
 FAR, ANGLE = 1e-5, 1e-3  # required and proven
@@ -79,9 +80,8 @@ def robots_of(folder: Path, prbt: Path | None) -> dict[str, Robot]:
     panda = Robot(hdplan.RobotSpec(name="panda"), "panda_link8", 3.75, _tree(folder, "frankaemika_panda"))
     found = {"panda": panda}
     if prbt is not None:
-        ignored = [
-            [f"prbt_{a}", f"prbt_{b}"] for a, b in (("link_1", "base_link"), ("link_4", "link_5"), ("flange", "link_5"))
-        ]
+        touching = ("link_1", "base_link"), ("link_4", "link_5"), ("flange", "link_5")
+        ignored = [[f"prbt_{a}", f"prbt_{b}"] for a, b in touching]
         urdf = str(prbt / "prbt_support" / "urdf" / "prbt.xacro")
         spec = hdplan.RobotSpec(urdf=urdf, package_dirs=[str(prbt)], ignore_pairs=ignored)
         found["prbt"] = Robot(spec, "prbt_tcp", 3.49, _tree(folder, "prbt"))
@@ -170,20 +170,13 @@ def job_of(robot: Robot, commands: list[Command]) -> hdplan.Scene:
         end, there = robot.pose(command.element.find("endPos").text)
         if command.kind == "ptp":
             goal = hdplan.PoseTarget(robot.link, hdplan.Pose(end, there.as_quat()), 1e-6, 1e-5)
-            stages.append(
-                hdplan.Move(goal, name=name, blend=command.radius, speed=float(command.element.find("vel").text))
-            )
+            speed = float(command.element.find("vel").text)
+            stages.append(hdplan.Move(goal, name=name, blend=command.radius, speed=speed))
         else:
             begin, turned = at[:3, 3], Rotation.from_matrix(at[:3, :3])
             turn = float((there * turned.inv()).magnitude())
-            more: dict[str, Any] = {
-                "to": end,
-                "rpy": there.as_euler("xyz"),
-                "link": robot.link,
-                "name": name,
-                "blend": command.radius,
-            }
-            more |= {"position_tolerance": FAR, "orientation_tolerance": ANGLE}
+            more: dict[str, Any] = {"to": end, "rpy": there.as_euler("xyz"), "link": robot.link}
+            more |= {"name": name, "blend": command.radius, "position_tolerance": FAR, "orientation_tolerance": ANGLE}
             if command.kind == "lin":
                 length = float(np.linalg.norm(end - begin))
             else:
@@ -193,12 +186,13 @@ def job_of(robot: Robot, commands: list[Command]) -> hdplan.Scene:
             more |= {"tool_speed": speed, "tool_acceleration": acceleration}
             if command.kind == "lin":
                 stages.append(hdplan.Line(**more))
-            elif command.element.find("centerPos") is not None:
-                stages.append(hdplan.Circle(**more, center=robot.pose(command.element.find("centerPos").text)[0]))
             else:
-                stages.append(
-                    hdplan.Circle(**more, interim=robot.pose(command.element.find("intermediatePos").text)[0])
-                )
+                names = {
+                    "center": command.element.find("centerPos"),
+                    "interim": command.element.find("intermediatePos"),
+                }
+                more |= {key: robot.pose(x.text)[0] for key, x in names.items() if x is not None}
+                stages.append(hdplan.Circle(**more))
         at = np.eye(4)
         at[:3, :3], at[:3, 3] = there.as_matrix(), end
     limits = hdplan.Limits(velocity="urdf", acceleration=robot.acceleration, jerk=500.0)
@@ -207,11 +201,7 @@ def job_of(robot: Robot, commands: list[Command]) -> hdplan.Scene:
 
 def tool_of(robot: Robot, loaded: hdplan.Robot, rows: np.ndarray) -> np.ndarray:
     """Return the tool's poses (k, 4, 4), by Pinocchio."""
-    data, frame, found = loaded.model.createData(), loaded.model.getFrameId(robot.link), []
-    for q in rows:
-        pin.framesForwardKinematics(loaded.model, data, loaded.pin_q(q))
-        found.append(data.oMf[frame].homogeneous.copy())
-    return np.array(found)
+    return link_poses(loaded, rows, loaded.model.getFrameId(robot.link))
 
 
 def compared(robot: Robot, commands: list[Command], result: hdplan.JobResult) -> tuple[float, float, int]:
@@ -287,11 +277,3 @@ def pilz(folder: Path, prbt: Path | None, only: str, time_limit: float) -> None:
             off = f"{far * 1e3:.4f}; {turn:.5f} | {count}" if count else " | "
             times = f"{result.trajectory.duration:.2f}; {rested.trajectory.duration:.2f} | {seconds:.1f}"
             print(f"{label} certified | {off} | {ends} | {times} |", flush=True)
-
-
-def at_rest(scene: hdplan.Scene) -> hdplan.Scene:
-    """Return the same job without blends."""
-    from dataclasses import replace
-
-    stages = [replace(x, blend=0.0) if hasattr(x, "blend") else x for x in scene.job.stages]  # type: ignore[union-attr]
-    return replace(scene, job=hdplan.Job(stages))

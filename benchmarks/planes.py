@@ -13,6 +13,7 @@ import argparse
 import os
 
 import numpy as np
+from cells import quantiles
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.baselines.coal import signed_distances
@@ -90,15 +91,8 @@ def main() -> None:
             if box is boxes[0]:
                 seconds.append(seconds_per_query(lambda f=function, t=tables, p=picks: f(t, p), len(poses)))  # type: ignore[misc]
         lost = 1e3 * np.concatenate(given)
-        rows.append(
-            {
-                "planes of a box": count,
-                "given away: median / 95 % / worst [mm]": (
-                    f"{np.median(lost):.2f} / {np.quantile(lost, 0.95):.1f} / {lost.max():.1f}"
-                ),
-                "value and derivative [µs]": 1e6 * float(np.median(seconds)),
-            }
-        )
+        row = {"planes of a box": count, "given away: median / 95 % / worst [mm]": quantiles(lost, (0.5, 0.95, 1.0), 2)}
+        rows.append(row | {"value and derivative [µs]": 1e6 * float(np.median(seconds))})
     print(markdown_text(rows))
 
 

@@ -50,9 +50,8 @@ def main() -> None:
         for axis, leaf in zip(axes, LEAVES, strict=True):
             draw_leaf(axis, read, pair, leaf)
         name_things(axes[1])
-        figure.suptitle(
-            "On each interval of the motion, one plane keeps the hand away from the bar", fontsize=11, weight="bold"
-        )
+        title = "On each interval of the motion, one plane keeps the hand away from the bar"
+        figure.suptitle(title, fontsize=11, weight="bold")
         figure.savefig(FILE, dpi=150)
     print(f"{len(spans)} leaves: {FILE}")
 

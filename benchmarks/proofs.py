@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from cells import quantiles
 from problems import RealProblem, problem_parser, real_problems
 
 import hdplan
@@ -36,7 +37,6 @@ class Outcome:
     """One problem."""
 
     robot: str
-    problem: str
     status: str  # "accepted", or why there is no whole proof
     size: int = 0  # [bytes]
     leaves: int = 0
@@ -51,14 +51,13 @@ class Outcome:
 
 def run(problem: RealProblem, folder: Path, time_limit: float) -> Outcome:
     """Plan, prove and verify one problem."""
-    name = f"{problem.set} {problem.number}"
     try:
         result = hdplan.plan(problem.load(), time_limit=time_limit)
     except hdplan.UnsolvableError as error:  # an end is in contact
-        return Outcome(problem.robot, name, f"not planned: {error}")
+        return Outcome(problem.robot, f"not planned: {error}")
     if not result.certified:
-        return Outcome(problem.robot, name, f"not certified: {result.certificate.text}")
-    scene, motion, beside = problem.scene_file, folder / "motion.json", (problem.request_file, str(problem.robot_file))
+        return Outcome(problem.robot, f"not certified: {result.certificate.text}")
+    scene, motion, beside = problem.scene_file, folder / "motion.json", problem.beside
     result.save(motion)
     certifier = Certifier(Setup.of(problem.load()))
     certified = time.process_time()
@@ -67,31 +66,21 @@ def run(problem: RealProblem, folder: Path, time_limit: float) -> Outcome:
     try:
         proof = hdplan.prove(scene, motion, *beside)
     except hdplan.HdplanError as error:
-        return Outcome(problem.robot, name, str(error))
+        return Outcome(problem.robot, str(error))
     written = time.process_time()
     at_hand = prove_planned(result, scene, motion, *beside)
     again = time.process_time()
     try:
         verdict, _ = check(scene, motion, proof.data, *beside)
     except RejectedError as error:
-        return Outcome(problem.robot, name, f"REJECTED: {error}")
+        return Outcome(problem.robot, f"REJECTED: {error}")
     verified = time.process_time()
     least = float(verdict.text.partition("at least ")[2].partition(" ")[0]) / 1e3
-    certificate = proof.certificate
-    return Outcome(
-        problem.robot,
-        name,
-        "accepted" if verdict.whole else verdict.text.splitlines()[0],
-        len(proof.data),
-        proof.leaves,
-        began - certified,
-        written - began - (began - certified),
-        proof.checking,
-        again - written,
-        at_hand.checking,
-        verified - again,
-        np.nan if certificate.clearance is None else certificate.clearance - least,
-    )
+    status = "accepted" if verdict.whole else verdict.text.splitlines()[0]
+    certify, clearance = began - certified, proof.certificate.clearance
+    times = certify, written - began - certify, proof.checking, again - written, at_hand.checking, verified - again
+    short = np.nan if clearance is None else clearance - least
+    return Outcome(problem.robot, status, len(proof.data), proof.leaves, *times, short)
 
 
 def table(outcomes: list[Outcome]) -> str:
@@ -100,32 +89,21 @@ def table(outcomes: list[Outcome]) -> str:
     for robot in dict.fromkeys(outcome.robot for outcome in outcomes):
         group = [outcome for outcome in outcomes if outcome.robot == robot]
         good = [outcome for outcome in group if outcome.status == "accepted"]
-        rows.append(
-            {
-                "robot": robot,
-                "problems": len(group),
-                "accepted": len(good),
-                "size median / worst [kB]": _spread([outcome.size / 1e3 for outcome in good]),
-                "leaves median / worst": _spread([float(outcome.leaves) for outcome in good], 0),
-                "certify median / worst [s]": _spread([outcome.certify for outcome in good], 3),
-                "write median / worst [s]": _spread([outcome.write for outcome in good], 3),
-                "write / certify median / worst": _spread([outcome.write / outcome.certify for outcome in good], 1),
-                "without the checker's part": _spread(
-                    [(outcome.write - outcome.checker) / outcome.certify for outcome in good], 1
-                ),
-                "of a plan at hand": _spread([outcome.at_hand / outcome.certify for outcome in good], 1),
-                "at hand, without the checker's part": _spread(
-                    [(outcome.at_hand - outcome.at_hand_checker) / outcome.certify for outcome in good], 1
-                ),
-                "verify median / worst [s]": _spread([outcome.verify for outcome in good], 2),
-                "below the certificate median / worst [mm]": _spread([1e3 * outcome.short for outcome in good], 2),
-            }
-        )
+        columns: dict[str, tuple[int, list[float]]] = {  # digits and values
+            "size median / worst [kB]": (1, [o.size / 1e3 for o in good]),
+            "leaves median / worst": (0, [o.leaves for o in good]),
+            "certify median / worst [s]": (3, [o.certify for o in good]),
+            "write median / worst [s]": (3, [o.write for o in good]),
+            "write / certify median / worst": (1, [o.write / o.certify for o in good]),
+            "without the checker's part": (1, [(o.write - o.checker) / o.certify for o in good]),
+            "of a plan at hand": (1, [o.at_hand / o.certify for o in good]),
+            "at hand, without the checker's part": (1, [(o.at_hand - o.at_hand_checker) / o.certify for o in good]),
+            "verify median / worst [s]": (2, [o.verify for o in good]),
+            "below the certificate median / worst [mm]": (2, [1e3 * o.short for o in good]),
+        }
+        spreads = {words: quantiles(values, (0.5, 1.0), digits) for words, (digits, values) in columns.items()}
+        rows.append({"robot": robot, "problems": len(group), "accepted": len(good), **spreads})
     return markdown_text(rows)
-
-
-def _spread(values: list[float], digits: int = 1) -> str:
-    return f"{np.median(values):.{digits}f} / {max(values):.{digits}f}" if values else ""
 
 
 def main() -> None:
@@ -136,7 +114,7 @@ def main() -> None:
         for robot in options.robot or ("panda", "ur5"):
             for problem in real_problems(options.folder, robot, options.every, options.set):
                 outcomes.append(run(problem, Path(folder), options.time_limit))
-                print(outcomes[-1], file=sys.stderr)
+                print(problem.name, outcomes[-1], file=sys.stderr)
     if not outcomes:
         sys.exit(f"no problems found below {options.folder}")
     print(table(outcomes))

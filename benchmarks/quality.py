@@ -1,7 +1,7 @@
 """How good motions are under limits of rates: their time, length, jerk and energy, on MotionBenchMaker's problems.
 
     python benchmarks/quality.py DIR [--robot panda] [--every K] [--goals pose joints] [--polish N ...]
-    [--payload KG ...] [--csv F]
+    [--payload KG ...]
 
 Limits are cuRobo's: the URDF's velocities, 15 rad/s², 500 rad/s³; with a payload, a mass GRASP before the hand, the
 URDF's torques are limits too. With `pose`, the goal is the pose to which the request's joints bring the hand. Prints a
@@ -9,9 +9,6 @@ row for every kind of goal, every number of rounds of polishing (the scene's def
 payload: certified problems; mean time of the motion and mean length of its path; the largest
 jerk of all, as proven; the mean energy ∫ Σ|τ q̇| dt, where the robot has masses; what planning and proving took by the
 clock; and both together in processor time, which tells more on a machine that others use too. One core.
-
-With --csv each problem is written as soon as it is done, and what the file already holds is not planned again: a long
-run can be interrupted and called once more.
 """
 
 from __future__ import annotations
@@ -21,12 +18,11 @@ import dataclasses
 import itertools
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from cells import milliseconds
 from problems import HANDS, LIMITS, RealProblem, real_problems, with_pose_goal
-from resumed import kept, read
 from threadpoolctl import threadpool_limits
 
 import hdplan
@@ -36,8 +32,6 @@ from hdplan.planner.studies.planning_runs import path_length
 from hdplan.planner.studies.report import Cell, markdown_text
 
 GRASP = (0.0, 0.0, 0.1)  # [m] a payload's centre of mass, in the hand's frame
-
-Key = tuple[str, str, int, float, str, str]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,11 +57,6 @@ class Outcome:
     def certified(self) -> bool:
         """Whether the motion is proven."""
         return self.verdict == "certified"
-
-    @property
-    def key(self) -> Key:
-        """What was planned."""
-        return self.robot, self.goals, self.rounds, self.payload, self.set, self.problem
 
 
 # --- planning ---------------------------------------------------------------------------------------------------------
@@ -126,6 +115,7 @@ def row(outcomes: list[Outcome]) -> dict[str, Cell]:
     """Sum up the outcomes of one kind of goal and number of rounds; means over the certified motions."""
     good = [outcome for outcome in outcomes if outcome.certified]
     ran = [outcome for outcome in outcomes if np.isfinite(outcome.plan)]
+    processor = [outcome.processor for outcome in ran]
     return {
         "goals, rounds": f"{outcomes[0].goals}, {outcomes[0].rounds}",
         "payload [kg]": f"{outcomes[0].payload:g}",
@@ -135,19 +125,14 @@ def row(outcomes: list[Outcome]) -> dict[str, Cell]:
         "path mean [rad]": f"{_mean([o.length for o in good]):.2f}",
         "largest jerk [rad/s³]": f"{max((o.jerk for o in good), default=np.nan):.0f}",
         "energy mean [J]": f"{_mean([o.energy for o in good]):.1f}",
-        "plan median / p95 [ms]": _spread([o.plan for o in ran]),
-        "proofs median / p95 [ms]": _spread([o.proofs for o in ran]),
-        "both, processor time mean / median / p95 [ms]": f"{1e3 * _mean([o.processor for o in ran]):.0f} / "
-        + _spread([o.processor for o in ran]),
+        "plan median / p95 [ms]": milliseconds([o.plan for o in ran]),
+        "proofs median / p95 [ms]": milliseconds([o.proofs for o in ran]),
+        "both, processor time mean / median / p95 [ms]": f"{1e3 * _mean(processor):.0f} / {milliseconds(processor)}",
     }
 
 
 def _mean(values: list[float]) -> float:
     return float(np.mean(values)) if values else np.nan
-
-
-def _spread(seconds: list[float]) -> str:
-    return " / ".join(f"{1e3 * value:.0f}" for value in np.quantile(seconds or [np.nan], [0.5, 0.95]))
 
 
 # --- command line -----------------------------------------------------------------------------------------------------
@@ -165,29 +150,20 @@ def main() -> None:
         "--payload", nargs="*", type=float, default=[0.0], help="[kg] in the hand, with the URDF's torques as limits"
     )
     parser.add_argument("--time-limit", type=float, default=30.0)
-    parser.add_argument("--csv", type=Path, help="where each problem is written, and what was done is read from")
     options = parser.parse_args()
     problems = real_problems(options.folder, options.robot, options.every)
     if not problems:
         sys.exit(f"no problems found below {options.folder}")
-    known = {outcome.key: outcome for outcome in read(options.csv, Outcome)}
-
-    def planned() -> Iterator[Outcome]:
-        for kind in kinds:
-            todo = [p for p in problems if (p.robot, *kind, p.set, p.number) not in known]
-            for problem in todo[:1]:
-                run(problem, *kind, options.time_limit)  # warm
-            for problem in todo:
-                yield run(problem, *kind, options.time_limit)
-
-    polish = options.polish or [posed(problems[0], "joints", None, 0.0).polish]
-    kinds = list(itertools.product(options.goals, polish, options.payload))
+    polish, rows = options.polish or [posed(problems[0], "joints", None, 0.0).polish], []
     with threadpool_limits(1):
-        for outcome in kept(options.csv, Outcome, list(known.values()), planned()):
-            known[outcome.key] = outcome
-            print(line(outcome), file=sys.stderr)
-    found = [[known[p.robot, *kind, p.set, p.number] for p in problems] for kind in kinds]
-    print(markdown_text([row(outcomes) for outcomes in found]))
+        for kind in itertools.product(options.goals, polish, options.payload):
+            run(problems[0], *kind, options.time_limit)  # warm
+            outcomes = []
+            for problem in problems:
+                outcomes.append(run(problem, *kind, options.time_limit))
+                print(line(outcomes[-1]), file=sys.stderr)
+            rows.append(row(outcomes))
+    print(markdown_text(rows))
 
 
 if __name__ == "__main__":

@@ -2,21 +2,12 @@
 
 URDF and forward kinematics by the sieges' judge (`sieges.machine`, NumPy), own reading of MoveIt's scene and request,
 meshes by trimesh, collisions by python-fcl, dense samples of the motion. It can refute a certificate, not give one.
-
-    python benchmarks/recheck.py TRAJECTORY.json SCENE.yaml REQUEST.yaml ROBOT.yaml [--distances]
-
-prints one JSON object: `free`, and a `contact` or, on request, the smallest distances sampled. `recheck(...)` does it
-in a process of its own, since FCL's distance, unlike its collision test, ends the process at rare near-contacts: then
-only `free` is known.
 """
 
 from __future__ import annotations
 
 import itertools
 import json
-import subprocess
-import sys
-import sysconfig
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,21 +17,14 @@ import fcl
 import numpy as np
 import trimesh
 import yaml
-from sieges.machine import Joint, Machine
+from sieges.machine import DATA, NAMED, SHARE, Joint, Machine
 from sieges.poses import from_quaternion, from_rpy
 
 from hdplan.scenes.array_types import Array
 
 STEP = 0.005  # [rad] or [m], largest joint step between two samples
-NEAR = 0.05  # [m] pairs farther apart than this, by their bounding balls, are not measured
 SAME_END = 1e-6  # [rad] or [m] between the trajectory's ends and the request's
 WITHIN = 1e-9  # [rad] or [m] of a limit, that is rounding; a request's own end may lie farther beyond, and only there
-SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share"
-DATA = SHARE / "example-robot-data" / "robots"
-ROBOTS = {  # that go by a name; the others say where their files are
-    "panda": {"urdf": "panda_description/urdf/panda.urdf", "srdf": "panda_description/srdf/panda.srdf"},
-    "ur5": {"urdf": "ur_description/urdf/ur5_robot.urdf", "srdf": "ur_description/srdf/ur5.srdf"},
-}
 
 
 @dataclass(frozen=True)
@@ -50,9 +34,9 @@ class Solid:
     name: str  # link or obstacle
     shape: Any  # FCL's
     pose: Array  # (4, 4) in the link's frame, or in the world
-    center: Array  # (3,) of a ball around it, in the same frame
+    center: Array  # (3,) of a ball around it, in its own frame
     radius: float  # [m] of that ball
-    mesh: Any = None  # trimesh's, in the same frame as the shape, of a link that is one
+    mesh: Any = None  # trimesh's, in its own frame, of a link that is one
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +56,9 @@ class Moved:
     def of(cls, motion: dict[str, Any], request: Path, robot: Path) -> Moved:
         """Read a motion's content, a request and a robot's section."""
         wanted, section = _yaml(request), _yaml(robot)["robot"]
-        folder, files = (DATA, ROBOTS[section["name"]]) if "name" in section else (robot.parent, section)
-        urdf, base, state = folder / files["urdf"], section.get("base", {}), wanted["start_state"]["joint_state"]
+        files = (section["urdf"], section["srdf"]) if "urdf" in section else NAMED[section["name"]]
+        urdf, srdf = ((robot.parent if "urdf" in section else DATA) / file for file in files)
+        base, state = section.get("base", {}), wanted["start_state"]["joint_state"]
         machine, start = Machine(urdf), dict(zip(state["name"], _floats(state["position"]), strict=True))
         samples, times = _dense(np.array(motion["positions"], dtype=np.float64))
         values = {joint.name: np.full(len(samples), start.get(joint.name, 0.0)) for joint in machine.joints}
@@ -81,29 +66,13 @@ class Moved:
         frames = machine.frames(values, from_rpy(base.get("position", [0, 0, 0]), base.get("rpy", [0, 0, 0])))
         links = [_link_solid(*each, urdf) for each in machine.collisions]
         ignored = section.get("ignore_pairs", [])
-        return cls(machine, links, frames, times, wanted, start, folder / files["srdf"], ignored)
+        return cls(machine, links, frames, times, wanted, start, srdf, ignored)
 
 
-def recheck(
-    trajectory: Path | str, scene: Path | str, request: Path | str, robot: Path | str, *, distances: bool = False
-) -> dict[str, Any]:
-    """Run the check in a process of its own and return its last result; distances, which take much longer, on
-    request."""
-    command = [sys.executable, __file__, *(str(path) for path in (trajectory, scene, request, robot))]
-    command += ["--distances"] * distances
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    lines = done.stdout.strip().splitlines()
-    if not lines:
-        raise RuntimeError(f"recheck of {trajectory} failed: {done.stderr.strip()[-500:]}")
-    found: dict[str, Any] = json.loads(lines[-1])
-    return found
-
-
-def main(trajectory: str, scene: str, request: str, robot: str, distances: bool) -> None:
-    """Check one trajectory and print the result; then, on request and if it is free, print it with smallest
-    distances."""
-    content = json.loads(Path(trajectory).read_text())
-    motion = Moved.of(content, Path(request), Path(robot))
+def recheck(trajectory: Path, scene: Path, request: Path, robot: Path) -> str:
+    """Return the faults and the first contact that are found, empty for none."""
+    content = json.loads(trajectory.read_text())
+    motion = Moved.of(content, request, robot)
     wanted, values, times = motion.request, motion.start, motion.times
     goal = {c["joint_name"]: float(c["position"]) for c in wanted["goal_constraints"][0]["joint_constraints"]}
     names, waypoints = content["joint_names"], np.array(content["positions"], dtype=np.float64)
@@ -122,38 +91,20 @@ def main(trajectory: str, scene: str, request: str, robot: str, distances: bool)
             if np.any((column < low - WITHIN) | (column > high + WITHIN)):
                 faults.append(f"limits: {joint.name}")
 
-    links, frames = motion.links, motion.frames
-    obstacles = _obstacles(_yaml(scene))
+    links, obstacles = motion.links, _obstacles(_yaml(scene))
     pairs = [(a, b) for a in links for b in obstacles]
     apart = _kept_apart(motion.machine.joints, motion.srdf, motion.ignored)
     pairs += [(a, b) for a, b in itertools.combinations(links, 2) if a.name != b.name and not apart(a.name, b.name)]
 
     world = {id(o): np.broadcast_to(o.pose, (len(times), 4, 4)) for o in obstacles}
-    world.update({id(link): frames[link.name] @ link.pose for link in links})
-    middle = {id(o): np.broadcast_to(o.center, (len(times), 3)) for o in obstacles}
-    middle.update(
-        {id(s): np.einsum("tij,j->ti", frames[s.name][:, :3, :3], s.center) + frames[s.name][:, :3, 3] for s in links}
-    )
-    things, contact = {id(o) for o in obstacles}, None
-    close: list[tuple[float, Solid, Solid, int]] = []
+    world |= {id(link): motion.frames[link.name] @ link.pose for link in links}
+    middle = {id(each): world[id(each)][:, :3] @ np.append(each.center, 1.0) for each in (*obstacles, *links)}
     for a, b in pairs:
         between = np.linalg.norm(middle[id(a)] - middle[id(b)], axis=1) - a.radius - b.radius
         for t in np.flatnonzero(between <= 0.0).tolist():
             if fcl.collide(_placed(a, world, t), _placed(b, world, t), fcl.CollisionRequest(), fcl.CollisionResult()):
-                contact = contact or {"link": a.name, "other": b.name, "time": float(times[t])}
-                break
-        close += [(float(between[t]), a, b, t) for t in np.flatnonzero(between <= NEAR).tolist()]
-    found: dict[str, Any] = {"free": contact is None and not faults, "samples": len(times), "faults": faults}
-    if contact:
-        found["contact"] = contact
-    print(json.dumps(found), flush=True)
-    if found["free"] and distances:
-        smallest = {"smallest_distance_m": NEAR, "smallest_self_distance_m": NEAR}  # NEAR: that or more
-        for bound, a, b, t in sorted(close, key=lambda item: item[0]):
-            key = "smallest_distance_m" if id(b) in things else "smallest_self_distance_m"
-            if bound < smallest[key]:
-                smallest[key] = min(smallest[key], fcl.distance(_placed(a, world, t), _placed(b, world, t)))
-        print(json.dumps({**found, **smallest}), flush=True)
+                return "; ".join([*faults, f"{a.name} and {b.name} touch at {times[t]:.6g} of the motion"])
+    return "; ".join(faults)
 
 
 def _placed(solid: Solid, world: dict[int, Array], t: int) -> Any:
@@ -234,7 +185,7 @@ def _primitive(name: str, kind: str, numbers: list[float], pose: Array) -> Solid
 def _solid(name: str, shape: Any, pose: Array, points: Array) -> Solid:
     center = (points.min(axis=0) + points.max(axis=0)) / 2
     radius = float(np.linalg.norm(points - center, axis=1).max())
-    return Solid(name, shape, pose, pose[:3, :3] @ center + pose[:3, 3], radius)
+    return Solid(name, shape, pose, center, radius)
 
 
 def _pose(pose: dict[str, Any] | None) -> Array:
@@ -248,11 +199,3 @@ def _yaml(path: str | Path) -> dict[str, Any]:
 
 def _floats(values: Any) -> list[float]:
     return [float(value) for value in values]
-
-
-if __name__ == "__main__":
-    match [argument for argument in sys.argv[1:] if argument != "--distances"]:
-        case [trajectory, scene, request, robot]:
-            main(trajectory, scene, request, robot, distances="--distances" in sys.argv)
-        case _:
-            sys.exit(__doc__)

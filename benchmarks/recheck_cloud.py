@@ -28,9 +28,8 @@ def touching(trajectory: Path, request: Path, robot: Path, points: Array, radius
             continue  # fixed to the world: it may stand on what is seen
         reach = link.radius + radius
         planes = None if link.mesh is None else ConvexHull(link.mesh.vertices).equations
-        centre = np.linalg.inv(link.pose) @ np.append(link.center, 1.0)
         for t, pose in enumerate(placements):
-            rows = nearby.query_ball_point(pose[:3] @ centre, reach)
+            rows = nearby.query_ball_point(pose[:3] @ np.append(link.center, 1.0), reach)
             local = (points[rows] - pose[:3, 3]) @ pose[:3, :3]
             if planes is not None and len(local):  # the others are outside of the hull, by more than the radius
                 local = local[(local @ planes[:, :3].T + planes[:, 3]).max(axis=1) <= radius]

@@ -1,7 +1,7 @@
 """Replanning among people, boxes that come into sight, and a conveyor: what is touched, and how long a cycle takes.
 
     python benchmarks/replanning.py
-        [--runs N] [--from SEED] [--seconds S] [--journal FILE] [--present] [--knowing] [--alone] [--trusting]
+        [--runs N] [--from SEED] [--seconds S] [--alone] [--trusting]
 
 A Panda drives to one goal after the other, for S seconds (20) in each of N seeded worlds. A camera takes a picture
 every 50 ms, which arrives 30 to 80 ms later; a step of the replanner is due every 40 ms, takes as long as the processor
@@ -13,32 +13,24 @@ processor takes for them.
 
 Bodies that touch are found without hdplan: the robot's meshes and the world as it is, by Pinocchio and coal, every 5 ms
 while any joint is faster than 1 mrad/s, wherever what was measured last and what both have gone since do not tell that
-they are apart. With --journal, outcomes are added to a file, and seeds in it are not run again.
+they are apart.
 
-Each run is made again, with --present, by a replanner that knows the present: pictures are exact and at hand at once,
-the arm follows its commands without lag or latency, and computing takes no time; what is left is that anybody may go
-anywhere at 0.5 m/s. With --knowing a planner that knows the future drives through the world that was recorded
-(`replanning_foresight`). With --alone there is nothing but the floor: no planner, whatever it knows, reaches more goals
-with these commands. With --trusting, pictures hold no sizes, as if everything stood still where it is seen: these
-touch.
+Each run is made again, with --alone, with nothing but the floor: no planner, whatever it knows, reaches more goals with
+these commands. With --trusting, pictures hold no sizes, as if everything stood still where it is seen: these touch.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from replanning_foresight import Past, goals_of_who_knows
 from replanning_world import LAG, OFF, SIGHT, SPEED, Gaps, Judge, Rider, World, scene_of
 
 import hdplan
@@ -56,22 +48,15 @@ CHECK, MOVES = 0.005, 1e-3  # [s] between two looks; [rad/s] of a joint that mov
 class Outcome:
     """One run."""
 
-    seed: int
     contacts: int  # looks at which a moving robot touched something
     least: float  # [m] between robot and obstacles, while it moved
     goals: int  # reached
-    first: float  # [s] until the first of them, inf if none was
-    alone: int  # goals reached in an empty world; -1: not run
-    knowing: int  # goals that a planner that knows the future reaches; -1: not run
-    known_first: float  # [s] until the first of them, inf if none was
     moving: float  # share of the time
-    cycle: list[float]  # [s] median, 99 %, longest, of a step
-    way: list[float]  # [s] median, 99 % of looking at the way
-    picture: list[float]  # [s] median, 99 % of taking a picture
+    steps: list[float]  # [s] of each
+    ways: list[float]  # [s] of each search for one
+    pictures: list[float]  # [s] to take each
     late: int  # steps that took longer than their period
-    causes: dict[str, int]  # steps by what kept them from proving a motion
-    present: dict[str, Any] | None = None  # contacts, least, goals, moving and causes of who knows the present
-    trusting: dict[str, Any] | None = None  # the same of the run without sizes
+    causes: Counter[str]  # steps by what kept them from proving a motion
 
 
 class Beside(Executor):
@@ -126,25 +111,6 @@ class Arm:
         self.q, self.dq = q, (q - self.q) / CHECK
 
 
-@dataclass(frozen=True)
-class Senses:
-    """What a replanner knows of the world, and how soon."""
-
-    off: float | None = OFF  # [m] by which pictures are off; None: as far, but they hold no sizes
-    every: float = PICTURES  # [s] between two of them
-    after: tuple[float, float] = SEEN_AFTER  # [s] in which they come
-    lag: float = LAG  # [rad]
-    latency: float = LATENCY  # [s]
-    settling: float = SETTLING  # [s]
-    computes: bool = True  # whether its computing takes time
-    empty: bool = False  # nothing is there
-
-
-KEPT = ("contacts", "least", "goals", "moving", "causes")  # of a run with other senses
-TRUSTING, EMPTY = Senses(off=None), Senses(empty=True)
-PRESENT = Senses(off=0.0, every=PERIOD, after=(0.0, 0.0), lag=0.0, latency=0.0, settling=0.0, computes=False)
-
-
 def cause(command: hdplan.Command, room: float, at_goal: float, due: float) -> str:
     """Return the cause that kept a step from proving a motion, by the words of its command; `room` [m] is left around
     the robot, `at_goal` around a robot at its goal, and `due` for a motion that ends at once."""
@@ -159,38 +125,35 @@ def cause(command: hdplan.Command, room: float, at_goal: float, due: float) -> s
     return "no way"
 
 
-def run(seed: int, seconds: float, senses: Senses) -> dict[str, Any]:
-    """Simulate one run."""
-    scene, goals = scene_of(seed, senses.lag)
+def run(seed: int, seconds: float, off: float | None = OFF, empty: bool = False) -> Outcome:
+    """Simulate one run with pictures that are `off` [m], or as far, but without sizes; `empty`: nothing is there."""
+    scene, goals = scene_of(seed)
     world, beside = World(seed), Beside()
-    if senses.empty:
+    if empty:
         world.walkers = []
     rng = np.random.default_rng([seed, 2])
     clock, steps, pictures, causes = [0.0], list[float](), list[float](), Counter[str]()
 
     def now() -> float:
-        return clock[0] + (time.process_time() - begun[0] - beside.spent if senses.computes else 0.0)
+        return clock[0] + time.process_time() - begun[0] - beside.spent
 
     begun = [0.0]
-    replanner = hdplan.Replanner(
-        scene, period=PERIOD, latency=senses.latency, settling=senses.settling, clock=now, executor=beside
-    )
+    replanner = hdplan.Replanner(scene, period=PERIOD, latency=LATENCY, settling=SETTLING, clock=now, executor=beside)
     judge = Judge(replanner.robot)
     gaps = Gaps(judge)
     speeds = np.array(replanner.robot.model.velocityLimit[:7])
-    arm = Arm(replanner.robot.configuration(scene.start), speeds, senses.lag)
+    arm = Arm(replanner.robot.configuration(scene.start), speeds, LAG)
     coming: list[tuple[float, hdplan.Command]] = []  # commands on their way to the arm
     taken: list[tuple[float, float, list[hdplan.Obstacle]]] = []  # pictures on their way: arrival, time when taken
     next_step = next_picture = 0.0
-    reached, first, contacts, least, moving, late = 0, math.inf, 0, NEAREST, 0, 0
-    count, past, seen_at = round(seconds / CHECK), Past(), 0.0
+    reached, contacts, least, moving, late = 0, 0, NEAREST, 0, 0
+    count, seen_at = round(seconds / CHECK), 0.0
     for k in range(count):
         t = k * CHECK
-        past.note(t, world.walkers)
         if t >= next_picture - 1e-9:
-            next_picture += senses.every
-            seen = [each.seen(senses.off) for each in world.there(t) if np.linalg.norm(each.at[:2]) <= SIGHT + 1e-6]
-            taken.append((t + rng.uniform(*senses.after), t, seen))
+            next_picture += PICTURES
+            seen = [each.seen(off) for each in world.there(t) if np.linalg.norm(each.at[:2]) <= SIGHT + 1e-6]
+            taken.append((t + rng.uniform(*SEEN_AFTER), t, seen))
         if t >= next_step - 1e-9:
             next_step += PERIOD
             beside.advance(t)
@@ -206,9 +169,9 @@ def run(seed: int, seconds: float, senses: Senses) -> dict[str, Any]:
             took = now() - t
             steps.append(took)
             late += took > PERIOD
-            coming.append((t + took + senses.latency, found))
+            coming.append((t + took + LATENCY, found))
             next_step = max(next_step, t + took)
-            due = SPEED * (t - seen_at + senses.latency + 2.0 * PERIOD + senses.settling) + (senses.off or 0.0)
+            due = SPEED * (t - seen_at + LATENCY + 2.0 * PERIOD + SETTLING) + (off or 0.0)
             near = at_goal = due
             if gaps.at is not None and found.why:
                 near = gaps.below(world.there(t), due)
@@ -216,7 +179,6 @@ def run(seed: int, seconds: float, senses: Senses) -> dict[str, Any]:
             causes[cause(found, near, at_goal, due)] += 1
             if found.mode.value == "arrived":
                 reached += 1
-                first = min(first, t)
                 replanner.aim(goals[reached % len(goals)])
         for at, found in coming:
             if at <= t:
@@ -236,69 +198,50 @@ def run(seed: int, seconds: float, senses: Senses) -> dict[str, Any]:
                     each.turn_back(t)
         world.go(t, CHECK, lambda: judge.hand(arm.q))
     ways = beside.seconds or [0.0]
-    return {
-        "seed": seed,
-        "contacts": contacts,
-        "least": least,
-        "goals": reached,
-        "first": first,
-        "moving": moving / count,
-        "cycle": [float(x) for x in (np.median(steps), np.quantile(steps, 0.99), max(steps))],
-        "way": [float(x) for x in (np.median(ways), np.quantile(ways, 0.99))],
-        "picture": [float(x) for x in (np.median(pictures), np.quantile(pictures, 0.99))],
-        "late": late,
-        "causes": dict(causes),
-        "past": past,
-    }
+    return Outcome(contacts, least, reached, moving / count, steps, ways, pictures, late, causes)
 
 
-def _driven(runs: list[dict[str, Any]]) -> dict[str, Any]:
+def _driven(runs: list[Outcome]) -> dict[str, Any]:
     """Return the results of runs of one kind for the robot."""
-    causes = sum((Counter(each["causes"]) for each in runs), Counter[str]())
+    causes = sum((each.causes for each in runs), Counter[str]())
     steps = causes.total() / 100
     return {
-        "with a contact while moving": sum(each["contacts"] > 0 for each in runs),
-        "closest while moving, if within 100 [mm]": 1e3 * min(each["least"] for each in runs),
-        "with a goal reached": sum(each["goals"] > 0 for each in runs),
-        "goals in a run": float(np.mean([each["goals"] for each in runs])),
-        "moving": f"{np.mean([each['moving'] for each in runs]):.0%}",
+        "runs": len(runs),
+        "with a contact while moving": sum(each.contacts > 0 for each in runs),
+        "closest while moving, if within 100 [mm]": 1e3 * min(each.least for each in runs),
+        **_reached(runs),
+        "moving": f"{np.mean([each.moving for each in runs]):.0%}",
         "of 100 steps": ", ".join(f"{count / steps:.1f} {name}" for name, count in causes.most_common()),
     }
 
 
-def table(outcomes: list[Outcome]) -> str:
+def _reached(runs: list[Outcome]) -> dict[str, Any]:
+    goals = [each.goals for each in runs]
+    return {"with a goal reached": sum(each > 0 for each in goals), "goals in a run": float(np.mean(goals))}
+
+
+def table(outcomes: list[Outcome], trusting: list[Outcome], alone: list[Outcome]) -> str:
     """Return the results of all runs."""
-    cycles, ways, pictures = (
-        1e3 * np.array([getattr(each, name) for each in outcomes]) for name in ("cycle", "way", "picture")
-    )
-    rows: list[dict[str, Any]] = [
-        {
-            "what is seen": "within its sizes",
-            "runs": len(outcomes),
-            **_driven([{name: getattr(each, name) for name in KEPT} for each in outcomes]),
-            "cycle median / 99 % / longest [ms]": (
-                f"{np.median(cycles[:, 0]):.1f} / {np.median(cycles[:, 1]):.1f} / {cycles[:, 2].max():.0f}"
-            ),
-            "late steps": sum(each.late for each in outcomes),
-            "way median / 99 % [ms]": f"{np.median(ways[:, 0]):.0f} / {np.median(ways[:, 1]):.0f}",
-            "picture median [ms]": float(np.median(pictures[:, 0])),
-        }
-    ]
-    for what, name in (("the present", "present"), ("as it is", "trusting")):
-        others = [other for each in outcomes if (other := getattr(each, name)) is not None]
-        if others:
-            rows.append(dict.fromkeys(rows[0]) | {"what is seen": what, "runs": len(others)} | _driven(others))
-    known = [each for each in outcomes if each.knowing >= 0]
-    if known:
-        goals = {
-            "with a goal reached": sum(each.knowing > 0 for each in known),
-            "goals in a run": float(np.mean([each.knowing for each in known])),
-        }
-        rows.append(dict.fromkeys(rows[0]) | {"what is seen": "the future", "runs": len(known)} | goals)
-    alone = [each.alone for each in outcomes if each.alone >= 0]
+
+    def quantile(name: str, share: float) -> float:
+        return 1e3 * float(np.median([np.quantile(getattr(each, name), share) for each in outcomes]))
+
+    longest = 1e3 * max(max(each.steps) for each in outcomes)
+    first: dict[str, Any] = {
+        "what is seen": "within its sizes",
+        **_driven(outcomes),
+        "cycle median / 99 % / longest [ms]": (
+            f"{quantile('steps', 0.5):.1f} / {quantile('steps', 0.99):.1f} / {longest:.0f}"
+        ),
+        "late steps": sum(each.late for each in outcomes),
+        "way median / 99 % [ms]": f"{quantile('ways', 0.5):.0f} / {quantile('ways', 0.99):.0f}",
+        "picture median [ms]": quantile("pictures", 0.5),
+    }
+    rows, none = [first], dict.fromkeys(first)
+    if trusting:
+        rows.append(none | {"what is seen": "as it is"} | _driven(trusting))
     if alone:
-        goals = {"with a goal reached": sum(each > 0 for each in alone), "goals in a run": float(np.mean(alone))}
-        rows.append(dict.fromkeys(rows[0]) | {"what is seen": "nothing is there", "runs": len(alone)} | goals)
+        rows.append(none | {"what is seen": "nothing is there", "runs": len(alone)} | _reached(alone))
     return markdown_text(rows)
 
 
@@ -307,37 +250,14 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--from", dest="first", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=20.0)
-    parser.add_argument("--journal", type=Path)
-    parser.add_argument("--present", action="store_true")
     parser.add_argument("--alone", action="store_true")
-    parser.add_argument("--knowing", action="store_true")
     parser.add_argument("--trusting", action="store_true")
     options = parser.parse_args()
-    done: dict[int, Outcome] = {}
-    if options.journal is not None and options.journal.exists():
-        for line in options.journal.read_text(encoding="utf-8").splitlines():
-            outcome = Outcome(**json.loads(line))
-            done[outcome.seed] = outcome
-    seeds = range(options.first, options.first + options.runs)
-    for seed in seeds:
-        if seed in done:
-            continue
-        found = run(seed, options.seconds, Senses())
-        past, (scene, goals) = found.pop("past"), scene_of(seed)
-        found["knowing"], found["known_first"] = -1, math.inf
-        if options.knowing:
-            found["knowing"], found["known_first"] = goals_of_who_knows(past, scene, goals, options.seconds)
-        found["alone"] = run(seed, options.seconds, EMPTY)["goals"] if options.alone else -1
-        for wanted, name, senses in ((options.present, "present", PRESENT), (options.trusting, "trusting", TRUSTING)):
-            if wanted:
-                other = run(seed, options.seconds, senses)
-                found[name] = {key: other[key] for key in KEPT}
-        done[seed] = Outcome(**found)
-        print(done[seed], file=sys.stderr, flush=True)
-        if options.journal is not None:
-            with options.journal.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(asdict(done[seed])) + "\n")
-    print(table([done[seed] for seed in seeds]))
+
+    seeds, seconds = range(options.first, options.first + options.runs), options.seconds
+    trusting = [run(seed, seconds, off=None) for seed in seeds] if options.trusting else []
+    alone = [run(seed, seconds, empty=True) for seed in seeds] if options.alone else []
+    print(table([run(seed, seconds) for seed in seeds], trusting, alone))
 
 
 if __name__ == "__main__":

@@ -25,14 +25,13 @@ from typing import Any
 
 import numpy as np
 import yaml
+from campaign import meshes_of, table
+from proven import proven
 from scipy.spatial.transform import Rotation
 
 import hdplan
-from hdplan.planner.studies.report import markdown_text
-from hdplan.scenes.robot_files.library import description_of, library_package_dirs
+from hdplan.scenes.robot_files.library import description_of
 from hdplan.scenes.yaml_format.reader import find_scene
-from hdplan.verify import RejectedError
-from hdplan.verify.checking import check
 
 Random = np.random.Generator
 
@@ -156,10 +155,8 @@ def turned(rng: Random, pose: dict[str, Any]) -> dict[str, Any]:
     elif "quaternion_xyzw" in pose:
         rotation = Rotation.from_quat(pose["quaternion_xyzw"])
     else:
-        return {
-            **pose,
-            **[{}, {"rpy": [0, 0, 0.0]}, {"quaternion_xyzw": [0, 0, 0.0, rng.choice([-1, 1]).item()]}][rng.integers(3)],
-        }
+        none = [{}, {"rpy": [0, 0, 0.0]}, {"quaternion_xyzw": [0, 0, 0.0, rng.choice([-1, 1]).item()]}]
+        return pose | none[rng.integers(3)]
     pose = {k: x for k, x in pose.items() if k not in ("rpy", "quaternion_xyzw")}
     if rng.random() < 0.4:
         return {**pose, "rpy": other_angles(rng, rotation.as_euler("xyz").tolist())}
@@ -183,17 +180,7 @@ def reworded(rng: Random, value: Any, key: str = "") -> Any:
 
 # --- XML --------------------------------------------------------------------------------------------------------------
 
-NUMERIC = [
-    "origin",
-    "mass",
-    "inertia",
-    "box",
-    "sphere",
-    "cylinder",
-    "limit",
-    "axis",
-    "mimic",
-]  # elements that hold only numbers
+NUMERIC = {"origin", "mass", "inertia", "box", "sphere", "cylinder", "limit", "axis", "mimic"}  # of numbers alone
 SENSOR = '<sensor name="eye" type="camera"><origin xyz="1 2 3"/><update_rate>30</update_rate></sensor>'
 HARMLESS = {  # elements that may be added
     "link": [SENSOR, "<gravity>1</gravity>", "<visual><geometry><box size='1 1 1'/></geometry></visual>"],
@@ -237,9 +224,8 @@ def xml_text(rng: Random, root: Any, srdf: bool) -> str:
             given["rpy"] = " ".join(map(repr, other_angles(rng, [*map(float, given["rpy"].split())])))
         if not srdf and tag == "axis" and rng.random() < 0.2:  # of any length
             given["xyz"] = " ".join(repr(2.5 * float(x)) for x in given["xyz"].split())
-        attributes = "".join(
-            attribute(rng, k, x, tag in NUMERIC and not srdf) for k, x in shuffled(rng, [*given.items()])
-        )
+        numeric, pairs = tag in NUMERIC and not srdf, shuffled(rng, [*given.items()])
+        attributes = "".join(attribute(rng, k, x, numeric) for k, x in pairs)
         inner = children
         if tag in ("robot", "link", "joint"):
             kept = iter([x for x in children if x.tag in ordered])
@@ -253,10 +239,9 @@ def xml_text(rng: Random, root: Any, srdf: bool) -> str:
         text = (element.text or "").strip()
         parts = [y for x in parts for y in ([f"<!-- {comment(rng)} -->"] * (rng.random() < 0.05) + [x])]
         body = text + "".join(spaces(rng) + x for x in parts)
-        short = not body and rng.random() < 0.8
-        return f"<{tag}{attributes}{spaces(rng) if short else ''}" + (
-            "/>" if short else f">{body}{spaces(rng) if not text else ''}</{tag}>"
-        )
+        if not body and rng.random() < 0.8:
+            return f"<{tag}{attributes}{spaces(rng)}/>"
+        return f"<{tag}{attributes}>{body}{'' if text else spaces(rng)}</{tag}>"
 
     head = str(rng.choice(["", '<?xml version="1.0"?>\n', "<?xml version='1.0' encoding='utf-8'?>\n<!-- made -->\n"]))
     return head + of(root, "robot") + str(rng.choice(["", "\n", "\n<!-- the end -->\n"]))
@@ -313,18 +298,16 @@ def motion_written(rng: Random, folder: Path, content: dict[str, Any]) -> Path:
     content = {**content, "joint_names": [content["joint_names"][i] for i in order]}
     content |= {k: [[x[i] for i in order] for x in content[k]] for k in rates if content.get(k)}
     if rng.random() < 0.5:
-        keys = [
-            k for k in shuffled(rng, [*content]) if k not in ("verdict", "interpolation", "steps") or rng.random() < 0.5
-        ]
+        spared = [k for k in ("verdict", "interpolation", "steps") if rng.random() < 0.5]
+        keys = [k for k in shuffled(rng, [*content]) if k not in spared]
         text = json.dumps({k: content[k] for k in keys}, indent=[None, 1, 4][rng.integers(3)])
         (folder / "motion.json").write_text(text.replace("\n", "\r\n") if rng.random() < 0.2 else text)
         return folder / "motion.json"
     columns = {"time": content["times"]} if content.get("times") else {}
     for rate, end in zip(rates, ("", ".velocity", ".acceleration"), strict=True):
         if content.get(rate):
-            columns |= {
-                x + end: list(y) for x, y in zip(content["joint_names"], zip(*content[rate], strict=True), strict=True)
-            }
+            values = zip(content["joint_names"], zip(*content[rate], strict=True), strict=True)
+            columns |= {name + end: list(column) for name, column in values}
     gap, names = str(rng.choice(["", " "])), shuffled(rng, [*columns]) if rng.random() < 0.5 else [*columns]
     quote = '"' * int(rng.random() < 0.3)
     lines = [f",{gap}".join(f"{quote}{x}{quote}" for x in names) if not gap else ",".join(names)]
@@ -348,12 +331,7 @@ class Original:
         _, urdf, srdf, _ = description_of(scene.robot)
         self.urdf: Any = ElementTree.parse(urdf).getroot()
         self.srdf: Any = None if srdf is None else ElementTree.parse(srdf).getroot()
-        self.meshes = dict[str, Path]()
-        for x in self.urdf.iterfind("link/collision/geometry/mesh"):
-            inner = x.get("filename", "").partition("://")[2]
-            self.meshes[x.get("filename", "")] = next(
-                d / inner for d in library_package_dirs() if (d / inner).is_file()
-            )
+        self.meshes = meshes_of(urdf)
         with tempfile.TemporaryDirectory() as folder:
             hdplan.plan(scene, time_limit=60).save(Path(folder) / "motion.json")
             self.motion = json.loads((Path(folder) / "motion.json").read_text())
@@ -393,18 +371,6 @@ class Original:
         path.write_text(text, encoding="utf-8", newline=str(rng.choice(["\n", "\r\n"])))
 
 
-def accepted(scene: Path, motion: Path) -> str:
-    """Prove and check; return "accepted", or why not."""
-    try:
-        proof = hdplan.prove(scene, motion)
-        verdict, _ = check(scene, motion, proof.data)
-    except hdplan.HdplanError as error:
-        return f"not proven: {error}"
-    except RejectedError as error:
-        return f"rejected: {error}"
-    return "accepted" if verdict.whole else verdict.text.partition("\n")[0]
-
-
 def main() -> None:
     """Run the campaign from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -419,15 +385,13 @@ def main() -> None:
         original = originals[number % len(originals)]
         with tempfile.TemporaryDirectory() as place:
             files = original.rewrite(np.random.default_rng([options.seed, number]), Path(place))
-            verdict = accepted(*files)
+            verdict = proven(*files)
             found[original.name][verdict.partition(":")[0]] += 1
             if verdict != "accepted":
                 print(number, original.name, verdict.replace(place, ""), file=sys.stderr, flush=True)
                 if options.keep:
                     shutil.copytree(place, options.keep / str(number), dirs_exist_ok=True)
-    rows = [{"scene": x, "rewritings": sum(y.values()), **{k: y[k] for k in ("accepted", "not proven", "rejected")}}
-            for x, y in found.items()]  # fmt: skip
-    print(markdown_text(rows))
+    print(table(found, ("accepted", "not written", "rejected"), "scene"))
 
 
 if __name__ == "__main__":

@@ -15,16 +15,17 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import os
 import resource
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
+from functools import partial
+from multiprocessing import get_context
 
 import numpy as np
 import pinocchio as pin
@@ -121,12 +122,9 @@ def standing(name: str, robot: Robot, rng: np.random.Generator) -> np.ndarray:
     middle of their limits, or else what comes of the best of them when some joints at a time are drawn again."""
     zero = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
     bounded = np.isfinite(robot.lower) & np.isfinite(robot.upper)
-    middle = zero.copy()
-    middle[bounded] = (robot.lower[bounded] + robot.upper[bounded]) / 2
-    named = [
-        np.array([values.get(joint, zero[i]) for i, joint in enumerate(robot.joint_names)])
-        for values in robot.named_states.values()
-    ]
+    middle = np.where(bounded, np.where(bounded, robot.lower + robot.upper, 0.0) / 2, zero)
+    states, names = robot.named_states.values(), robot.joint_names
+    named = [np.array([values.get(joint, zero[i]) for i, joint in enumerate(names)]) for values in states]
     certifier = Certifier(Setup.of(Scene(robot=RobotSpec(name=name), start=zero, goal=zero), robot))
     known = [np.clip(q, robot.lower, robot.upper) for q in (*named, zero, middle)]
     best: np.ndarray
@@ -159,20 +157,21 @@ def positions(robot: Robot, q: np.ndarray) -> list[np.ndarray]:
 def alone(name: str, motions: int, seed: int, limit: float) -> list[str]:
     """Return a robot's row, or why it has none, from a process of its own with an empty cache."""
     with tempfile.TemporaryDirectory() as cache:
-        command = [sys.executable, __file__, name, "--motions", str(motions), "--seed", str(seed), "--row"]
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            env={**os.environ, "XDG_CACHE_HOME": cache},
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (int(limit), int(limit) + 1)),
-        )
-    if done.returncode < 0:
-        return [name, f"ended after {limit:g} s of processor time"]
-    try:
-        return list(json.loads(done.stdout.splitlines()[-1]))
-    except (ValueError, IndexError):
-        return [name, (done.stderr.strip().splitlines() or ["no answer"])[-1]]
+        started = partial(begin, cache, int(limit))
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=started) as pool:
+            try:
+                found: list[str] = pool.submit(row, name, motions, seed).result()
+                return found
+            except BrokenProcessPool:
+                return [name, f"ended after {limit:g} s of processor time"]
+            except HdplanError as error:
+                return [name, str(error)]
+
+
+def begin(cache: str, limit: int) -> None:
+    """Begin a process with a cache of its own and a limit of processor time [s]."""
+    os.environ["HDPLAN_CACHE"] = cache
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1))
 
 
 def line(cells: list[str]) -> str:
@@ -185,14 +184,7 @@ def main() -> None:
     parser.add_argument("--motions", type=int, default=5)
     parser.add_argument("--limit", type=float, default=300.0, help="seconds of processor time for a robot")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--row", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
-    if given.row:
-        try:
-            print(json.dumps(row(given.names[0], given.motions, given.seed)))
-        except HdplanError as error:
-            print(json.dumps([given.names[0], str(error)]))
-        return
     print(line(list(HEAD)))
     print(f"|{' --- |' * len(HEAD)}")
     for name in given.names or robot_names():

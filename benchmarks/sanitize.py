@@ -54,15 +54,9 @@ def main() -> int:
             if not each.name.startswith("_loops"):
                 (package / each.name).symlink_to(each.resolve())
         sources = [*(ROOT / "src/hdplan").glob("*.c"), *ROOT.glob("distance/**/*.c"), *ROOT.glob("planner/**/*.c")]
-        into = [
-            "-shared",
-            "-fPIC",
-            f"-I{sysconfig.get_paths()['include']}",
-            "-o",
-            str(package / "_loops.abi3.so"),
-            "-lm",
-        ]
-        subprocess.run([compiler, *FLAGS, *WATCHED, *map(str, sources), *into], check=True)
+        into = ["-shared", "-fPIC", f"-I{sysconfig.get_paths()['include']}", "-lm"]
+        output = ["-o", str(package / "_loops.abi3.so")]
+        subprocess.run([compiler, *FLAGS, *WATCHED, *map(str, sources), *into, *output], check=True)
         # The second, as other modules throw exceptions, which the first must have seen.
         first = [library_of(compiler, name) for name in ("libasan.so", "libstdc++.so.6")]
         environment = {

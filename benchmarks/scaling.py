@@ -16,15 +16,11 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import itertools
-import pickle
-import subprocess
-import sys
-import tempfile
 import time
-from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from memory import most_memory
@@ -70,7 +66,6 @@ def scene_of(waypoints: int, boxes: int) -> Scene:
     """The Panda among random boxes."""
     empty = hdplan.load_scene("empty")
     start, goal = JointTarget("start", START), JointTarget("goal", GOAL)
-    settings = dataclasses.replace(empty.planner, waypoints=waypoints)
     scene = dataclasses.replace(empty, start=start, goal=goal, name="clutter", obstacles=(POST,))
     found = hdplan.plan(scene)
     line = np.linspace(START, GOAL, len(found.trajectory))
@@ -110,33 +105,15 @@ def measure(warm: Scene, scene: Scene, repeat: int) -> Point:
         results.append(hdplan.plan(scene, time_limit=120.0))
         totals.append(time.process_time() - began)
     times = [result.times for result in results]
-    build_s, solve_s, certify_s = (
-        float(np.min(values))
-        for values in (
-            [t.build + t.compile for t in times],
-            [t.solve for t in times],
-            [t.certify for t in times],
-        )
-    )
-    peak = most_memory() / 1e6
-    result = results[0]
-    total = min(totals)
-    return Point(waypoints, boxes, build_s, solve_s, result.iterations, certify_s, total, result.certified, peak)
+    build_s, solve_s, certify_s = np.min([(t.build + t.compile, t.solve, t.certify) for t in times], axis=0).tolist()
+    rest = certify_s, min(totals), results[0].certified, most_memory() / 1e6
+    return Point(waypoints, boxes, build_s, solve_s, results[0].iterations, *rest)
 
 
 def in_a_process(waypoints: int, boxes: int, repeat: int) -> Point:
     """Measure in a process of its own, which is given the scenes: for the peak of memory of planning alone."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "scenes.pickle"
-        file.write_bytes(pickle.dumps((scene_of(20, 10), scene_of(waypoints, boxes))))
-        command = [sys.executable, __file__, "--one", str(file), "--repeat", str(repeat)]
-        done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        sys.exit(done.stderr)
-    values = done.stdout.split()
-    kinds = [field.type for field in dataclasses.fields(Point)]
-    parse: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "bool": lambda text: text == "True"}
-    return Point(*(parse[str(kind)](value) for kind, value in zip(kinds, values, strict=True)))
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        return pool.submit(measure, scene_of(20, 10), scene_of(waypoints, boxes), repeat).result()
 
 
 def table(title: str, points: list[Point], size: str) -> str:
@@ -182,11 +159,7 @@ def draw(by_waypoints: list[Point], by_boxes: list[Point], file: Path) -> None:
     ):
         x = [getattr(p, size) for p in points]
         above, below = axes[0, column], axes[1, column]
-        for name, colour, marker in (
-            ("solve", "#0072b2", "o"),
-            ("certify", "#d55e00", "s"),
-            ("build", "#009e73", "^"),
-        ):
+        for name, colour, marker in (("solve", "#0072b2", "o"), ("certify", "#d55e00", "s"), ("build", "#009e73", "^")):
             above.loglog(x, [1e3 * getattr(p, name) for p in points], color=colour, marker=marker, label=name)
         above.loglog(x, [1e3 * p.solve / p.iterations for p in points], "o--", color="#0072b2", label="per iteration")
         reference = 1e3 * points[0].solve / points[0].iterations
@@ -204,9 +177,8 @@ def draw(by_waypoints: list[Point], by_boxes: list[Point], file: Path) -> None:
         below.grid(alpha=0.3)
         above.set_title(f"More {size}", loc="left", fontsize=10, weight="bold")
     figure.suptitle("How time and memory grow with the problem", fontsize=12, weight="bold")
-    figure.legend(
-        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=8
-    )
+    handles = axes[0, 0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=5, frameon=False, fontsize=8)
     figure.savefig(file, dpi=130)
 
 
@@ -215,12 +187,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeat", type=int, default=5, help="plans per point; the fastest counts")
     parser.add_argument("--picture", type=Path)
-    parser.add_argument("--one", type=Path, metavar="FILE", help="one point, in this process: two pickled scenes")
     options = parser.parse_args()
-    if options.one:
-        warm, scene = pickle.loads(options.one.read_bytes())
-        print(*dataclasses.astuple(measure(warm, scene, options.repeat)))
-        return
     default = hdplan.load_scene("empty").planner.waypoints
     by_waypoints = [in_a_process(count, FEW_BOXES, options.repeat) for count in WAYPOINTS]
     by_boxes = [in_a_process(default, count, options.repeat) for count in BOXES]

@@ -58,16 +58,11 @@ def main() -> int:
     rows, findings = [], 0
     for name in given.campaigns or CAMPAIGNS:
         words, count, limit = CAMPAIGNS[name]
-        tally = campaign.run(
-            name,
-            given.count or count,
-            given.seed,
+        output, more = (
             given.output.resolve() / name,
-            limit,
-            seconds=given.seconds,
-            jobs=given.jobs,
-            first=given.first,
+            {"seconds": given.seconds, "jobs": given.jobs, "first": given.first},
         )
+        tally = campaign.run(name, given.count or count, given.seed, output, limit, **more)
         print(tally.words(name), file=sys.stderr)
         counted = {"cases": f"{tally.cases:,}", "tried": f"{tally.tried:,}"}
         rows.append({"campaign": f"`{name}`: {words}", **counted, **tally.faults()})

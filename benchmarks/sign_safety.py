@@ -68,14 +68,10 @@ class Count:
 def pairs() -> dict[str, tuple[ConvexBody, ConvexBody]]:
     """Return the pairs by name: every body with itself and with the next two of the list."""
     bodies = {name: ConvexBody.platonic(name) for name in PLATONIC}
-    bodies |= {
-        "box": ConvexBody.box([1.0, 0.6, 0.1]),
-        "capsule": ConvexBody.capsule(0.15, 0.8),
-        "cylinder": ConvexBody.cylinder(0.3, 0.7),
-    }
-    links = {
-        len(link.body.vertices): link for name in ("ur5", "panda") for link in link_bodies(load_robot(RobotSpec(name)))
-    }
+    bodies |= {"box": ConvexBody.box([1.0, 0.6, 0.1]), "capsule": ConvexBody.capsule(0.15, 0.8)}
+    bodies |= {"cylinder": ConvexBody.cylinder(0.3, 0.7)}
+    fitted = [link for name in ("ur5", "panda") for link in link_bodies(load_robot(RobotSpec(name)))]
+    links = {len(link.body.vertices): link for link in fitted}
     bodies |= {f"{link.link} ({corners} corners)": link.body for corners, link in sorted(links.items())}
     names = list(bodies)
     return {
@@ -149,15 +145,11 @@ def main() -> None:
         for total, count in zip(sums, rows[name][1], strict=True):
             total.add(count)
     every = {**{name: rows[name] for name in table}, "**all**": (sum(found[0] for found in rows.values()), sums)}
-    print("D-tilde / D / signs (largest D-tilde [ulp of the size]):\n")
-    print(
-        markdown_text(
-            [
-                {"pair": name, "poses in contact": f"{contact:,}", **dict(zip(RUNGS, map(str, counts), strict=True))}
-                for name, (contact, counts) in every.items()
-            ]
-        )
-    )
+    cells = [
+        {"pair": name, "poses in contact": f"{contact:,}", **dict(zip(RUNGS, map(str, counts), strict=True))}
+        for name, (contact, counts) in every.items()
+    ]
+    print("D-tilde / D / signs (largest D-tilde [ulp of the size]):\n", markdown_text(cells), sep="\n")
 
 
 if __name__ == "__main__":

@@ -9,21 +9,19 @@ the certificate. Cost is the scene's objective: smoothness, but where the motion
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-from problems import real_problems
+from cells import quantiles
+from problems import SHIPPED, mixed_parser, mixed_problems
 
 import hdplan
 from hdplan.planner.solvers import SOLVERS
 from hdplan.planner.studies.planning_runs import path_length
 from hdplan.planner.studies.report import Cell, markdown_text
-from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 
 @dataclass(frozen=True)
@@ -40,24 +38,17 @@ class Outcome:
 
 def main() -> None:
     """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", nargs="?", type=Path, metavar="DIR")
-    parser.add_argument("--every", type=int, default=10)
+    parser = mixed_parser(__doc__)
     parser.add_argument("--solvers", nargs="+", default=list(SOLVERS), choices=SOLVERS)
     parser.add_argument("--time-limit", type=float, default=10.0)
     options = parser.parse_args()
-    groups = {"shipped scenes": {name: hdplan.load_scene(name) for name in shipped_scenes()}}
-    if options.folder is not None:
-        for robot in ("panda", "ur5"):
-            found = real_problems(options.folder, robot, options.every)
-            groups[f"MotionBenchMaker, {robot}"] = {f"{each.set} {each.number}": each.load() for each in found}
-    outcomes = {
-        group: {name: planned(name, scene, options.solvers, options.time_limit) for name, scene in scenes.items()}
-        for group, scenes in groups.items()
-    }
+    outcomes: dict[str, dict[str, dict[str, Outcome]]] = {}
+    for robot, name, load in mixed_problems(options.folder, options.every):
+        group = outcomes.setdefault(robot if robot == SHIPPED else f"MotionBenchMaker, {robot}", {})
+        group[name] = planned(name, load(), options.solvers, options.time_limit)
     print(markdown_text([row for group, found in outcomes.items() for row in summary(group, list(found.values()))]))
     print("Time [s] and cost of each shipped scene:\n")
-    print(markdown_text([scene_row(name, found) for name, found in outcomes["shipped scenes"].items()]))
+    print(markdown_text([scene_row(name, found) for name, found in outcomes[SHIPPED].items()]))
 
 
 def planned(name: str, scene: hdplan.Scene, solvers: Sequence[str], time_limit: float) -> dict[str, Outcome]:
@@ -68,14 +59,8 @@ def planned(name: str, scene: hdplan.Scene, solvers: Sequence[str], time_limit: 
         began = time.perf_counter()
         result = hdplan.plan(scene, solver=solver, time_limit=time_limit)
         seconds = time.perf_counter() - began
-        found[solver] = Outcome(
-            result.certificate.status.value,
-            result.certified,
-            result.attempts == 1,
-            seconds,
-            result.objective.value,
-            path_length(result.trajectory),
-        )
+        status, cost, length = result.certificate.status.value, result.objective.value, path_length(result.trajectory)
+        found[solver] = Outcome(status, result.certified, result.attempts == 1, seconds, cost, length)
         print(name, solver, *vars(found[solver]).values(), file=sys.stderr)
     return found
 
@@ -85,31 +70,26 @@ def summary(group: str, outcomes: Sequence[dict[str, Outcome]]) -> list[dict[str
     rows: list[dict[str, Cell]] = []
     for solver in outcomes[0]:
         own = [found[solver] for found in outcomes]
-        seconds = [outcome.seconds for outcome in own]
         ratios, lengths = (
-            [
-                getattr(found[solver], what)
-                / max(min(getattr(each, what) for each in found.values() if each.certified), 1e-9)
-                for found in outcomes
-                if found[solver].certified
-            ]
+            [getattr(found[solver], what) / least(found, what) for found in outcomes if found[solver].certified]
             for what in ("cost", "length")
         )
-        spread = (*np.quantile(seconds, [0.5, 0.95]), max(seconds))
-        rows.append(
-            {
-                "problems": group,
-                "solver": solver,
-                "certified": f"{sum(outcome.certified for outcome in own)} of {len(own)}",
-                "by the first guess": sum(outcome.certified and outcome.first for outcome in own),
-                "time median / p95 / worst [s]": " / ".join(f"{each:.2f}" for each in spread),
-                "cost over the least of all, median / p95": (
-                    " / ".join(f"{each:.2f}" for each in np.quantile(ratios, [0.5, 0.95])) if ratios else None
-                ),
-                "length over the shortest of all, mean": f"{np.mean(lengths):.3f}" if lengths else None,
-            }
-        )
+        row: dict[str, Cell] = {
+            "problems": group,
+            "solver": solver,
+            "certified": f"{sum(outcome.certified for outcome in own)} of {len(own)}",
+            "by the first guess": sum(outcome.certified and outcome.first for outcome in own),
+            "time median / p95 / worst [s]": quantiles([outcome.seconds for outcome in own], (0.5, 0.95, 1.0), 2),
+            "cost over the least of all, median / p95": quantiles(ratios, digits=2),
+            "length over the shortest of all, mean": f"{np.mean(lengths):.3f}" if lengths else None,
+        }
+        rows.append(row)
     return rows
+
+
+def least(found: dict[str, Outcome], what: str) -> float:
+    """The least cost or length of what is certified."""
+    return max(min(float(getattr(each, what)) for each in found.values() if each.certified), 1e-9)
 
 
 def scene_row(name: str, found: dict[str, Outcome]) -> dict[str, Cell]:

@@ -114,12 +114,10 @@ def main() -> None:
         for kind in dict.fromkeys(kind for kind, _ in found):
             print(f"| {kind} | {found[kind, True]:.3f} | {found[kind, False]:.3f} |")
         print(f"\nThe wheel has {with_loops.wheel.stat().st_size / 1e6:.2f} MB.\n")
-        measured = [
-            json.loads(
-                each.run("python", "-c", PLANS, json.dumps(scenes), cache=each.folder / "cache", compiler=False)[1]
-            )
-            for each in (with_loops, without)
-        ]
+        measured = []
+        for each in (with_loops, without):
+            command = ("python", "-c", PLANS, json.dumps(scenes))
+            measured.append(json.loads(each.run(*command, cache=each.folder / "cache", compiler=False)[1]))
     print("| warm plan in one process | loops of C [s] | NumPy instead [s] | times as long | joints differ by [rad] |")
     print("| --- | --- | --- | --- | --- |")
     for files, (fast, status, motion), (slow, other, same) in zip(scenes, *measured, strict=True):

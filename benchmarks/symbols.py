@@ -1,32 +1,29 @@
 """The problem in symbols as it stands: what it costs to build, compile, evaluate and solve, beside the loops.
 
-    python benchmarks/symbols.py [DIR] [--every K] [--shipped K] [--kept FILE]
+    python benchmarks/symbols.py [DIR] [--every K] [--shipped K]
 
 The problems are every K-th shipped scene and, with DIR, every K-th of MotionBenchMaker's for the Panda. First the
 figures of each form: the graph in CasADi's interpreter, the graph as generated C, and the loops behind form external.
 Then solvers on the graph as C, from the guesses that the planner has: the straight line, then ways through its roadmap;
 at one weight of the penalty after another, each to a tolerance of 1e-4 or for 60 steps, until a motion is certified;
-where none is, why. Times are of the processor, that of the compiler included. What is measured is appended to FILE,
-problem by problem, and not measured again by a run with the same FILE.
+where none is, why. Times are of the processor, that of the compiler included.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import itertools
-import json
 import os
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from problems import real_problems
+from cells import quantiles
+from problems import SHIPPED, mixed_parser, mixed_problems
 
 import hdplan
 from hdplan.planner.problem.problem import Problem
@@ -37,7 +34,6 @@ from hdplan.planner.studies.report import Cell, markdown_text
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
-from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
 NEWTON = {"print_level": 0, "max_iter": 60, "tol": 1e-4, "mu_init": 1e-4}
@@ -58,30 +54,19 @@ STEP = {"print_level": 0, "max_iter": 10, "sb": "yes"}  # ten steps of Ipopt, to
 
 def main() -> None:
     """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", nargs="?", type=Path, metavar="DIR")
-    parser.add_argument("--every", type=int, default=10)
-    parser.add_argument("--shipped", type=int, default=1)
-    parser.add_argument("--kept", type=Path, metavar="FILE")
+    parser = mixed_parser(__doc__)
+    parser.add_argument("--shipped", type=int, default=1, metavar="K")
     options = parser.parse_args()
-    problems = [(name, hdplan.load_scene) for name in list(shipped_scenes())[options.shipped - 1 :: options.shipped]]
-    if options.folder is not None:
-        drawn = real_problems(options.folder, "panda", options.every)
-        problems += [(f"{each.set} {each.number}", lambda _, each=each: each.load()) for each in drawn]  # type: ignore[misc]
-    kept: dict[str, dict[str, Any]] = {}
-    if options.kept is not None and options.kept.exists():
-        kept = {found["name"]: found for found in map(json.loads, options.kept.read_text().splitlines())}
-    for number, (name, load) in enumerate(problems):
-        if name not in kept:
-            problem = hdplan.build(load(name))
-            problem = problem.resampled(problem.polyline())
-            forms = measured(problem)
-            kept[name] = {"name": name, "forms": forms, "solved": {each: tried(problem, each) for each in SOLVERS}}
-            if options.kept is not None:
-                with options.kept.open("a") as file:
-                    file.write(json.dumps(kept[name]) + "\n")
-        print(f"{number + 1} of {len(problems)}: {kept[name]}", file=sys.stderr, flush=True)
-    found = [kept[name] for name, _ in problems]
+    problems = list(mixed_problems(options.folder, options.every, ["panda"]))
+    shipped = [each for each in problems if each[0] == SHIPPED]
+    problems = shipped[options.shipped - 1 :: options.shipped] + problems[len(shipped) :]
+    found: list[dict[str, Any]] = []
+    for _, name, load in problems:
+        problem = hdplan.build(load())
+        problem = problem.resampled(problem.polyline())
+        forms = measured(problem)
+        found.append({"name": name, "forms": forms, "solved": {each: tried(problem, each) for each in SOLVERS}})
+        print(f"{len(found)} of {len(problems)}: {found[-1]}", file=sys.stderr, flush=True)
     print(markdown_text([form_row(form, [each["forms"] for each in found]) for form in found[0]["forms"]]))
     print()
     print(markdown_text([solver_row(plugin, [each["solved"][plugin] for each in found]) for plugin in SOLVERS]))
@@ -115,11 +100,8 @@ def measured(problem: Problem) -> dict[str, dict[str, float]]:
     results: dict[str, dict[str, float]] = {}
     every: list[Callable[[], object]] = []
     solvers: list[ca.Function] = []
-    for name, form, in_c in (
-        ("generated C", "symbolic", True),
-        ("interpreted", "symbolic", False),
-        ("loops", "", False),
-    ):
+    forms = ("generated C", "symbolic", True), ("interpreted", "symbolic", False), ("loops", "", False)
+    for name, form, in_c in forms:
         began = seconds()
         program = problem.casadi(form=form or "external")
         built, began = seconds() - began, seconds()
@@ -224,15 +206,11 @@ def refused(problem: Problem, path: Array) -> str | None:
         return str(error)
 
 
-def quantiles(values: list[float], digits: int) -> str:
-    return " / ".join(f"{x:.{digits}f}" for x in np.quantile(values, [0.5, 0.95]))
-
-
 def form_row(form: str, found: list[dict[str, dict[str, float]]]) -> dict[str, Cell]:
     """Medians and 95th percentiles."""
 
     def column(key: str, digits: int, of: str = "") -> str:
-        return quantiles([each[form][key] / (each[of][key] if of else 1.0) for each in found], digits)
+        return quantiles([each[form][key] / (each[of][key] if of else 1.0) for each in found], digits=digits)
 
     return {
         "form": form,
@@ -253,8 +231,8 @@ def solver_row(plugin: str, found: list[dict[str, Any]]) -> dict[str, Cell]:
         "Hessian": SOLVERS[plugin][0],
         "certified from the first guess": f"{sum(each['guess'] == 0 for each in found)} of {len(found)}",
         "from any guess": f"{sum(each['guess'] >= 0 for each in found)} of {len(found)}",
-        "build and compile [s]": quantiles([each["build"] for each in found], 1),
-        "solve [s]": quantiles([each["solve"] for each in found], 2),
+        "build and compile [s]": quantiles([each["build"] for each in found], digits=1),
+        "solve [s]": quantiles([each["solve"] for each in found], digits=2),
     }
 
 

@@ -25,7 +25,7 @@ from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.studies.report import markdown_text
+from hdplan.planner.studies.report import Cell, markdown_text
 from hdplan.scenes.attached import Payload
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
@@ -68,20 +68,19 @@ def main() -> None:
             times = " / ".join(f"{median:.2f}" for median in medians)
             rows.append((f"{name}, {mass:g} kg", count, *found, *kept, times))
     rows.append(("all", count * len(rows), *totals, ""))
-    print(
-        markdown_text(
-            [
-                {
-                    "scene, load": words,
-                    "motions": motions,
-                    "without: can be driven / heavy": f"{driven} / {heavy}",
-                    "with: certified / tracked": f"{certified} / {tracked}",
-                    "plan without / with [s]": seconds,
-                }
-                for words, motions, driven, heavy, certified, tracked, seconds in rows
-            ]
-        )
-    )
+    print(markdown_text([row(*each) for each in rows]))
+
+
+def row(
+    words: str, motions: int, driven: int, heavy: int, certified: int, tracked: int, seconds: str
+) -> dict[str, Cell]:
+    return {
+        "scene, load": words,
+        "motions": motions,
+        "without: can be driven / heavy": f"{driven} / {heavy}",
+        "with: certified / tracked": f"{certified} / {tracked}",
+        "plan without / with [s]": seconds,
+    }
 
 
 def ends(certifier: Certifier, robot: Robot, count: int) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:

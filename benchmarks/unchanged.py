@@ -10,30 +10,16 @@ listed, with what differs; the exit code is 1 if there is any.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
-from problems import real_problems
+from problems import SHIPPED, mixed_parser, mixed_problems
 
 import hdplan
-from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 TIME_LIMIT = 120.0  # [s] generous: what is cut short by a slow machine would differ by chance
-
-
-def scenes(folder: Path | None, every: int) -> Iterator[tuple[str, hdplan.Scene]]:
-    """Every scene with a name that stays."""
-    for name in sorted(shipped_scenes()):
-        yield name, hdplan.load_scene(name)
-    if folder is None:
-        return
-    for robot in ("panda", "ur5"):
-        for problem in real_problems(folder, robot, every):
-            yield f"{robot}/{problem.set}/{problem.number}", problem.load()
 
 
 def summary(scene: hdplan.Scene) -> dict[str, object]:
@@ -56,15 +42,14 @@ def summary(scene: hdplan.Scene) -> dict[str, object]:
 
 def main() -> None:
     """Run the comparison from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, nargs="?")
-    parser.add_argument("--every", type=int, default=5, help="take every K-th problem of a set")
+    parser = mixed_parser(__doc__)
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--against", type=Path)
     options = parser.parse_args()
     found = {}
-    for name, scene in scenes(options.folder, options.every):
-        found[name] = summary(scene)
+    for group, title, load in mixed_problems(options.folder, options.every):
+        name = title if group == SHIPPED else f"{group} {title}"
+        found[name] = summary(load())
         print(name, *found[name].values(), flush=True)
     if options.output:
         options.output.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")

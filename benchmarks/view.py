@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cells import milliseconds
 from chromium import browser
 from scaling import scene_of
 
@@ -150,12 +151,11 @@ def drag(scene: Scene, seconds: float, points: int = 0) -> dict[str, str]:
         processor = time.process_time() - processor
         page.mouse.up()
     viewer.close()
-    median, p95 = np.percentile(shown.waits or [np.nan], [50, 95])
     return {
         "obstacles": str(len(scene.obstacles) - bool(points)) + (f" and {points:,} points" if points else ""),
         "moves a second": f"{shown.moves / spent:.1f}",
         "certified motions a second": f"{len(shown.waits) / spent:.1f}",
-        "latency median / p95 [ms]": f"{1e3 * median:.0f} / {1e3 * p95:.0f}",
+        "latency median / p95 [ms]": milliseconds(shown.waits),
         "the slider's frames a second": f"{shown.frames / spent:.0f}",
         "processor of the server [s/s]": f"{processor / spent:.2f}",
         "of it for each certified motion [ms]": f"{1e3 * processor / max(len(shown.waits), 1):.0f}",
@@ -190,15 +190,9 @@ def main() -> None:
             viewer.show(now)
             spent.append(time.perf_counter() - before)
         viewer.close()
-        median, p95 = np.percentile(spent, [50, 95])
-        rows.append(
-            {
-                "scene": name,
-                "until served [s]": f"{served:.1f}",
-                "frame median / p95 [ms]": f"{1e3 * median:.1f} / {1e3 * p95:.1f}",
-                "frames a second": f"{FRAMES / sum(spent):.0f}",
-            }
-        )
+        row = {"scene": name, "until served [s]": f"{served:.1f}"}
+        row |= {"frame median / p95 [ms]": milliseconds(spent, digits=1)}
+        rows.append(row | {"frames a second": f"{FRAMES / sum(spent):.0f}"})
     print(markdown_text(rows))
 
 

@@ -42,11 +42,8 @@ SCENES = ("panda_cage", "ur5_table", "panda_camera")
 DRAGGED = ("panda_cage", "bar4")  # scene and obstacle
 MOVES, WAY = 3, 0.02  # movements of a drag, and [m] of them
 FIRST = (
-    "address written [s]",
-    "panel says something [s]",
-    "robot drawn [s]",
-    "processor time of the command until the address [s]",
-    "until the robot [s]",
+    *("address written [s]", "panel says something [s]", "robot drawn [s]"),
+    *("processor time of the command until the address [s]", "until the robot [s]"),
 )
 LONGEST, LINE_EVERY = 780.0, 100  # [s] of all drags, and after how many of them a line is written
 SHARE = 10  # the first and the last of so many parts are compared
@@ -114,7 +111,7 @@ def dragged(viewer: Viewer, thing: Thing, way: np.ndarray) -> float:
         viewer.worker.ask("drag", lambda pose=Pose((x, y, z)): handles.drag(pose))  # type: ignore[misc]
         viewer.worker.settle()
         viewer.panel.live.settle(10.0)
-    handles.release()
+    handles.grip.release()
     viewer.worker.settle()
     return time.process_time() - began
 
@@ -128,22 +125,20 @@ def drags(count: int) -> dict[str, str]:
     viewer.worker.ask("select", lambda: viewer.panel.handles.select(thing))
     viewer.worker.settle()
     first = np.array(place_of(viewer.edited, thing, viewer.stage.tip).position)
-    spent: list[float] = []
-    held: list[float] = []
+    spent, held = list[float](), list[float]()
     end = time.monotonic() + LONGEST
     with contextlib.suppress(KeyboardInterrupt):
         while len(spent) < count and time.monotonic() < end:
             aim = first + WAY * np.array([*rng.normal(size=2), 0.0])
-            seconds = dragged(viewer, thing, aim - place_of(viewer.edited, thing, viewer.stage.tip).position)
+            spent.append(dragged(viewer, thing, aim - place_of(viewer.edited, thing, viewer.stage.tip).position))
             held.append(memory())
-            spent.append(seconds)
             if len(spent) % LINE_EVERY == 0:
                 print(f"{len(spent)} drags: {held[-1]:.0f} MB", file=sys.stderr, flush=True)
     if not spent:
         sys.exit("ended before the first drag")
     done, part = len(spent), max(len(spent) // SHARE, 1)
     before, after = held[part - 1], held[done - 1]  # first, caches fill
-    viewer.panel.handles.release()
+    viewer.panel.handles.grip.release()
     viewer.worker.settle()
     began = time.process_time()
     while viewer.document.history.can_undo:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from cells import milliseconds
 from problems import HANDS, LIMITS, RealProblem, real_problems, with_pose_goal
 from threadpoolctl import threadpool_limits
 
@@ -65,9 +66,8 @@ def steps(problem: RealProblem, scene: hdplan.Scene, count: int, limit: float) -
                 continue
             took, cold, cold_took = time.process_time() - began, *planned(there, robot, limit)
             both = warm.certified and cold.certified
-            yield Outcome(
-                warm.certified, took, cold_took, warm.objective.value / cold.objective.value if both else np.nan
-            )
+            cost = warm.objective.value / cold.objective.value if both else np.nan
+            yield Outcome(warm.certified, took, cold_took, cost)
             scene, last = there, warm
             break
 
@@ -86,14 +86,10 @@ def row(kind: str, found: list[Outcome]) -> dict[str, Cell]:
         "goals, kind": kind,
         "plans": len(found),
         "certified": sum(each.certified for each in found),
-        "with the guess, processor time median / p95 / worst [ms]": _spread(warm),
-        "without [ms]": _spread(cold),
+        "with the guess, processor time median / p95 / worst [ms]": milliseconds(warm, (0.5, 0.95, 1.0)),
+        "without [ms]": milliseconds(cold, (0.5, 0.95, 1.0)),
         "cost, of that without [%], mean / worst": f"{100 * np.nanmean(cost):.1f} / {100 * np.nanmax(cost):.0f}",
     }
-
-
-def _spread(seconds: np.ndarray) -> str:
-    return " / ".join(f"{1e3 * value:.0f}" for value in np.quantile(seconds, [0.5, 0.95, 1.0]))
 
 
 def main() -> None:

@@ -104,7 +104,7 @@ def diagnose(
         if result.certified:
             found = cause if named else trial.cause
             return Diagnosis(found, f"{CAUSES[found]}: {text}", f"{trial.setting}: {_measured(result)}")
-    advice = f"none of these helps: {', '.join(tried)}" if tried else "nothing was tried"
+    advice = f"none of these helps: {', '.join(tried)}" if tried else "no change is known that would help"
     return Diagnosis(cause, f"{CAUSES[cause]}: {text}", advice)
 
 
@@ -143,7 +143,7 @@ def _trials(scene: Scene, cause: str, blamed: Sequence[str], time_limit: float) 
                 yield _Trial("clearance", f"{share:.0%} of the clearance{own}", closer, seconds)
         for share in SIZE_FACTORS:
             if (surer := _surer(scene, share)) != scene:
-                setting = f"{share:.0%} of what is unknown" if share else "nothing unknown"
+                setting = f"{share:.0%} of the uncertainty" if share else "no uncertainty"
                 fields = "obstacles[].uncertainty, robot.tracking, robot.calibration"
                 yield _Trial("clearance", f"{setting} ({fields})", surer, seconds)
     if (searched or cause in ("goal_not_reached", "end_beyond_limits")) and scene.limits.position:

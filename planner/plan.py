@@ -62,22 +62,22 @@ def plan(
     Args:
         scene: from load_scene, or a Scene made in Python.
         solver: "gauss_newton", "chomp", "fatrop" or "ipopt".
-        seed: of the random initial guesses; the same seed gives the same result, as far as the time limit allows.
+        seed: of the random guesses; the same seed gives the same result, as far as the time limit allows.
         time_limit: [s] for solving and certifying; the best motion found by then is returned, its status says how good
             it is, and `ended` what the limit ended. Within `deadline.time_limit` building counts too, and the
             certificate ends with it.
         robot: the scene's robot, if it is already loaded.
         guess: a motion of this robot from which the solver starts (a warm start), such as the last plan's trajectory
             after a small change of the scene, which is followed without further rounds where it costs about as much as
-            before, or waypoints (R, n) in the order of the robot's joints. Its ends are
-            moved to the scene's, which is noted. It is not trusted: the result is certified like any other motion, and
-            if the guess leads to no certified motion, the search continues without it. Of several goals, the one
-            nearest to its end starts with it.
+            before, or waypoints (R, n) in the order of the robot's joints. Its ends are moved to the scene's, which is
+            noted. It is not trusted: the result is certified like any other motion, and if the guess leads to no
+            certified motion, the search continues without it. Of several goals, the one nearest to its end starts with
+            it.
         report: called with every step and every certificate.
         stop: called at every step; once it returns True, the best motion so far is certified and returned. A
             KeyboardInterrupt does the same, except at moments in which a C++ library swallows it.
         terms: your own costs, penalties and constraints in symbols. Constraints are kept at the waypoints; a note gives
-        the violation of the best motion. The certificate does not know them.
+            the violation of the best motion. The certificate does not know them.
 
     Raises:
         UnsolvableError: the scene allows no motion, and its `cause` says why: an end is not allowed, or, once guesses

@@ -51,13 +51,13 @@ class PlanResult:
     certificate: Certificate
     solver: str
     seed: int
-    attempts: int  # initial guesses tried until one was certified
-    iterations: int  # of the solver, all attempts together
-    steps: tuple[Iteration, ...]  # of the attempt that is returned
+    attempts: int  # guesses tried until one was certified
+    iterations: int  # steps of the solver, all attempts together
+    steps: tuple[Iteration, ...]  # the solver's steps of the attempt that is returned
     times: Times
     notes: tuple[str, ...]  # on what was assumed or left out
-    objective: Achieved  # by what certified motions were compared, and how much of it this one has
-    goal: JointTarget | None = None  # the one that was chosen, if the scene leaves a choice
+    objective: Achieved  # the quantity by which certified motions were compared, and its value
+    goal: JointTarget | None = None  # the chosen goal, if the scene leaves a choice
     requested: Scene | None = None  # the planned scene
     ended: str = ""  # what the time limit ended, in words; empty if it ended nothing
 

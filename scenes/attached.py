@@ -40,7 +40,7 @@ class Attached(Checked):
     link: Name
     shape: Shape
     pose: Placement = field(default_factory=Pose)  # in the link's frame
-    touch_links: Annotated[tuple[str, ...], Row(text, of="link names")] = ()  # that it may touch, beside its own
+    touch_links: Annotated[tuple[str, ...], Row(text, of="link names")] = ()  # links that it may touch, beside its own
     mass: Annotated[float, Number(above=0.0, unit="kg")] | None = None
     """[kg] at uniform density; matters where joint torques are limited (limits.torque). None: massless."""
 

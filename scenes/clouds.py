@@ -109,10 +109,6 @@ class Ignored(Checked):
     link: Name | None = None
     obstacle: Name | None = None
 
-    if TYPE_CHECKING:
-
-        def __init__(self, margin: float, link: str | None = None, obstacle: str | None = None) -> None: ...
-
     def _check_whole(self) -> None:
         if (self.link is None) == (self.obstacle is None):
             raise FieldError("needs either a link or an obstacle")

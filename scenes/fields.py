@@ -11,7 +11,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -71,18 +71,18 @@ class Field:
                 f" with {'the' if required else 'some of the'} keys {', '.join(required or allowed)}" if allowed else ""
             )
             raise self.wrong(f"a mapping{inside}")
-        fields = {}
+        found = {}
         for name, value in self.value.items():
             if not isinstance(name, str):
                 raise self.error(f"keys must be names, found {describe(name)}; put it in quotes if it is one")
             if allowed is not None and name not in allowed:
                 raise self.error(f"unknown key {shorten(repr(name))}{nearest(name, allowed)}")
             if value is not None or allowed is None:
-                fields[name] = Field(value, f"{self.key}.{name}" if self.key else name, self.document)
+                found[name] = Field(value, f"{self.key}.{name}" if self.key else name, self.document)
         for name in required:
-            if name not in fields:
+            if name not in found:
                 raise self.error(f"the key '{name}' is missing (required: {', '.join(required)})")
-        return fields
+        return found
 
     def items(self, length: int | None = None, of: str = "values") -> list[Field]:
         """Return the fields of a list of the given length (any if None)."""
@@ -159,6 +159,14 @@ class Field:
             return kind(**given)
         except FieldError as error:
             raise self._named(error) from None
+
+    def read(self, kind: Callable[..., T], /, **readers: Callable[[Field], object]) -> T:
+        """Return an object of one of a scene's classes, from a mapping with the names of its fields as keys; some have
+        a reader of their own."""
+        known = [each for each in fields(kind) if each.init]  # type: ignore[arg-type]
+        required = [each.name for each in known if each.default is MISSING and each.default_factory is MISSING]
+        keys = self.mapping([each.name for each in known], required)
+        return self.make(kind, **{**keys, **{name: read(keys[name]) for name, read in readers.items() if name in keys}})
 
     def _named(self, error: FieldError) -> InputError:
         """Return an error about a value with the file and key added, and how YAML would have it written."""

@@ -34,7 +34,7 @@ class Move(ArmStage):
     """A stage in which the arm moves to a goal, in any form that a scene's goal has."""
 
     goal: Annotated[JointTarget | Goals, goal_of] = NEEDED
-    path: PathConstraints = field(default_factory=PathConstraints)  # in this stage
+    path: PathConstraints = field(default_factory=PathConstraints)  # constraints in this stage
 
     if TYPE_CHECKING:
 
@@ -86,7 +86,7 @@ class Grip(_Hand):
     """A stage in which fingers close on an `object`, which is then held by `link` at its current pose; without an
     object they only move. Contacts of the object with the hand that `touch` allows are allowed until its release."""
 
-    link: Name | None = None  # that carries the object; None: the end effector
+    link: Name | None = None  # the link that carries the object; None: the end effector
     mass: Annotated[float, Number(above=0.0, unit="kg")] | None = None  # of the object; where torques are limited [kg]
 
     if TYPE_CHECKING:

@@ -30,5 +30,5 @@ class PlannerSettings(Checked):
         None  # rounds that try to improve the first motion; None: `Scene.polish`
     )
     objective: Annotated[str, Choice(OBJECTIVES)] | None = (
-        None  # of certified motions, the best; None: `Scene.objective`
+        None  # the measure that selects among certified motions; None: `Scene.objective`
     )

@@ -66,10 +66,6 @@ class Uncertainty(Sized):
     orientation: Turn = 0.0  # [rad] about any axis through its origin
     speed: Annotated[float, Number(0.0, 100.0, unit="m/s")] = 0.0  # at which it may leave its pose, after time 0
 
-    if TYPE_CHECKING:
-
-        def __init__(self, position: float = 0.0, orientation: float = 0.0, speed: float = 0.0) -> None: ...
-
 
 @dataclass(frozen=True, repr=False)
 class Tracking(Sized):
@@ -100,10 +96,6 @@ class Calibration(Sized):
 
     position: Distance = 0.0  # [m]
     orientation: Turn = 0.0  # [rad] about any axis through the base's origin
-
-    if TYPE_CHECKING:
-
-        def __init__(self, position: float = 0.0, orientation: float = 0.0) -> None: ...
 
 
 def chord(angle: float) -> float:

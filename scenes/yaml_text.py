@@ -1,5 +1,5 @@
 """Values in YAML's flow style, which is nearly JSON: texts in double quotes, numbers with the fewest digits that read
-back bit for bit, infinity as `.inf`."""
+back bit for bit, infinity as `.inf`, paths in full, objects of a scene's classes by their fields."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ import math
 import numbers
 import re
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
 
 from hdplan.scenes.errors import InputError
 
@@ -15,11 +18,20 @@ LONG_KEY = 1000  # characters; YAML parsers seek the colon within 1024
 _HALF = re.compile("[\ud800-\udfff]")
 
 
+def by_fields(value: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass's object by name, without those that are None."""
+    return {each.name: part for each in fields(value) if (part := getattr(value, each.name)) is not None}
+
+
 def flow_style(value: object) -> str:
     """Return a value in YAML 1.1's flow style, which reads 1e-05 as a text and 1.0e-05 as a number."""
+    if is_dataclass(value):
+        value = by_fields(value)
+    if isinstance(value, Path):
+        value = str(value.absolute())  # not resolved: the name of a symbolic link tells the kind of file
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{_key(str(key))}: {flow_style(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return "[" + ", ".join(flow_style(item) for item in value) + "]"
     if isinstance(value, str):
         return _text(value)

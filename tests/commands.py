@@ -18,7 +18,7 @@ BLOCKED = {"name": "post", "shape": {"type": "sphere", "radius": 0.05}, "pose": 
 
 
 class Done(NamedTuple):
-    """What a run left behind."""
+    """Exit code and outputs of a run."""
 
     code: int
     out: str

@@ -102,7 +102,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 @pytest.fixture
 def ctrl_c_is_heard() -> Iterator[None]:
-    """By the test and by processes that it starts: what a shell starts in the background begins with it ignored."""
+    """The test and its processes hear Ctrl-C: what a shell starts in the background ignores it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -110,7 +110,7 @@ def ctrl_c_is_heard() -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def no_step_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    """However slow the machine is: what commands print must not hang on it."""
+    """Outputs of commands do not depend on the speed of the machine."""
     monkeypatch.setattr(console, "LONG_WAIT", threading.TIMEOUT_MAX)
 
 

@@ -9,15 +9,16 @@ import contextlib
 import dataclasses
 import importlib
 import io
+import itertools
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 TREE = Path(sys.argv[1])
 sys.path.insert(0, str(TREE / "src"))
-Edits = Sequence[tuple[str, str]]  # (before which text, what is inserted); at the end of a new file without the first
+Edit = tuple[str, str, str]  # file, before which text, what is inserted; at the end of a new file without the second
 
 CHECK = '''"""The rate of torque, by differences of samples: enough for a recipe."""
 import numpy as np
@@ -162,136 +163,120 @@ BALL = '''class Ball:
 '''
 UNION = "Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh\n"
 LIMIT = "planner/certificate/limit_checks.py"
-RECIPES: dict[str, list[tuple[str, Edits]]] = {
+RECIPES: dict[str, list[Edit]] = {
     "A limit": [
         (
             "scenes/limits.py",
-            [
-                ('    "torque": JointQuantity(', '    "torque_rate": JointQuantity("torque_rate", "Nm/s or N/s"),\n'),
-                (
-                    '    torque: Annotated[JointValues | None, QUANTITIES["torque"]]',
-                    '    torque_rate: Annotated[JointValues | None, QUANTITIES["torque_rate"]] = None\n',
-                ),
-            ],
+            '    "torque": JointQuantity(',
+            '    "torque_rate": JointQuantity("torque_rate", "Nm/s or N/s"),\n',
         ),
-        ("planner/certificate/torque_rate_check.py", [("", CHECK)]),
+        (
+            "scenes/limits.py",
+            '    torque: Annotated[JointValues | None, QUANTITIES["torque"]]',
+            '    torque_rate: Annotated[JointValues | None, QUANTITIES["torque_rate"]] = None\n',
+        ),
+        ("planner/certificate/torque_rate_check.py", "", CHECK),
         (
             LIMIT,
-            [
-                (
-                    '    if "torque" in setup.limits:\n',
-                    '    if "torque_rate" in setup.limits:\n'
-                    "        from hdplan.planner.certificate.torque_rate_check import TorqueRateCheck\n\n"
-                    "        yield TorqueRateCheck(setup)\n",
-                )
-            ],
+            '    if "torque" in setup.limits:\n',
+            '    if "torque_rate" in setup.limits:\n'
+            "        from hdplan.planner.certificate.torque_rate_check import TorqueRateCheck\n\n"
+            "        yield TorqueRateCheck(setup)\n",
         ),
-        ("planner/timing/torque_rate_limit.py", [("", LAW)]),
+        ("planner/timing/torque_rate_limit.py", "", LAW),
         (
             "planner/timing/limits.py",
-            [
-                (
-                    '        case "torque":\n',
-                    '        case "torque_rate":\n'
-                    "            from hdplan.planner.timing.torque_rate_limit import TorqueRateLimit\n\n"
-                    "            return TorqueRateLimit(setup)\n",
-                )
-            ],
+            '        case "torque":\n',
+            '        case "torque_rate":\n'
+            "            from hdplan.planner.timing.torque_rate_limit import TorqueRateLimit\n\n"
+            "            return TorqueRateLimit(setup)\n",
         ),
     ],
     "A shape": [
-        (
-            "scenes/shapes.py",
-            [(UNION, SHAPE), ("\n\ndef own_fields(", "Shape = Shape | Octahedron\n")],
-        ),
+        ("scenes/shapes.py", UNION, SHAPE),
+        ("scenes/shapes.py", "\n\ndef own_fields(", "Shape = Shape | Octahedron\n"),
         (
             "planner/geometry/shape_table.py",
-            [
-                ("from hdplan.scenes.shapes import ", "from hdplan.scenes.shapes import Octahedron\n"),
-                ("TABLE: dict", CORNERS),
-                ("    Points: Operations(", ROW),
-            ],
+            "from hdplan.scenes.shapes import ",
+            "from hdplan.scenes.shapes import Octahedron\n",
+        ),
+        ("planner/geometry/shape_table.py", "TABLE: dict", CORNERS),
+        ("planner/geometry/shape_table.py", "    Points: Operations(", ROW),
+        (
+            "planner/certificate/exact_proximity.py",
+            "from hdplan.scenes.shapes import ",
+            "from hdplan.scenes.shapes import Octahedron\n",
         ),
         (
             "planner/certificate/exact_proximity.py",
-            [
-                ("from hdplan.scenes.shapes import ", "from hdplan.scenes.shapes import Octahedron\n"),
-                (
-                    "    Points: lambda points",
-                    "    Octahedron: lambda radii: (hull_piece(np.concatenate([np.diag(radii), -np.diag(radii)])),),\n",
-                ),
-            ],
+            "    Points: lambda points",
+            "    Octahedron: lambda radii: (hull_piece(np.concatenate([np.diag(radii), -np.diag(radii)])),),\n",
         ),
     ],
     "A trajectory file": [
-        ("planner/motion/words_format.py", [("", WORDS)]),
+        ("planner/motion/words_format.py", "", WORDS),
         (
             "planner/motion/trajectory_files.py",
-            [
-                (
-                    "from hdplan.planner.motion.json_format",
-                    "from hdplan.planner.motion.words_format import read_words, write_words\n",
-                ),
-                ('    ".json": write_json,\n', '    ".words": write_words,\n'),
-                ('    ".json": read_json,\n', '    ".words": read_words,\n'),
-            ],
+            "from hdplan.planner.motion.json_format",
+            "from hdplan.planner.motion.words_format import read_words, write_words\n",
         ),
+        ("planner/motion/trajectory_files.py", '    ".json": write_json,\n', '    ".words": write_words,\n'),
+        ("planner/motion/trajectory_files.py", '    ".json": read_json,\n', '    ".words": read_words,\n'),
     ],
     "An objective": [
-        ("scenes/planner_settings.py", [('LINK_BODIES = ("fitted"', 'OBJECTIVES = (*OBJECTIVES, "length")\n')]),
+        ("scenes/planner_settings.py", 'LINK_BODIES = ("fitted"', 'OBJECTIVES = (*OBJECTIVES, "length")\n'),
+        ("planner/search/objective.py", "class Smoothness(Objective)", LENGTH),
         (
             "planner/search/objective.py",
-            [
-                ("class Smoothness(Objective)", LENGTH),
-                ('        case "energy":\n', '        case "length":\n            return Length()\n'),
-            ],
+            '        case "energy":\n',
+            '        case "length":\n            return Length()\n',
         ),
     ],
     "A language of robots": [
-        ("scenes/robot_files/chain.py", [("", CHAIN)]),
+        ("scenes/robot_files/chain.py", "", CHAIN),
         (
             "scenes/robot_files/urdf_text.py",
-            [
-                ("from hdplan.scenes.robot_files.mjcf ", "from hdplan.scenes.robot_files.chain import chain\n"),
-                ('    "mujoco": as_urdf,\n', '    "chain": chain,\n'),
-            ],
+            "from hdplan.scenes.robot_files.mjcf ",
+            "from hdplan.scenes.robot_files.chain import chain\n",
         ),
+        ("scenes/robot_files/urdf_text.py", '    "mujoco": as_urdf,\n', '    "chain": chain,\n'),
     ],
     "A layer of the viewer": [
-        ("planner/view/marks.py", [("class Trail:", BALL)]),
+        ("planner/view/marks.py", "class Trail:", BALL),
         (
             "planner/view/layers.py",
-            [
-                ("from hdplan.planner.view.marks import ", "from hdplan.planner.view.marks import Ball\n"),
-                ("    NAMES: (False, ", '    "ball": (False, "at the origin"),\n'),
-                ("        self.plane, self.boxes = PlaneLayer", "        self.ball = Ball(viewer.server)\n"),
-                ("        self.boxes.show(self.on(BOXES))", '        self.ball.show(self.on("ball"))\n'),
-            ],
+            "from hdplan.planner.view.marks import ",
+            "from hdplan.planner.view.marks import Ball\n",
+        ),
+        ("planner/view/layers.py", "    NAMES: (False, ", '    "ball": (False, "at the origin"),\n'),
+        (
+            "planner/view/layers.py",
+            "        self.plane, self.boxes = PlaneLayer",
+            "        self.ball = Ball(viewer.server)\n",
+        ),
+        (
+            "planner/view/layers.py",
+            "        self.boxes.show(self.on(BOXES))",
+            '        self.ball.show(self.on("ball"))\n',
         ),
     ],
-    "A solver": [("planner/solvers/methods/straight.py", [("", SOLVER), ("", "SOLVER = Solver(solve)\n")])],
+    "A solver": [
+        ("planner/solvers/methods/straight.py", "", SOLVER),
+        ("planner/solvers/methods/straight.py", "", "SOLVER = Solver(solve)\n"),
+    ],
     "A command": [
-        ("planner/commands/hello.py", [("", '"""Greets."""\n\ndef hello():\n    print("hello")\n    return 0\n')]),
-        (
-            "cli.py",
-            [
-                (
-                    "def _version(",
-                    '@command(app, "hello.hello")\ndef hello() -> None:\n    """Greet."""\n\n\n',
-                )
-            ],
-        ),
+        ("planner/commands/hello.py", "", '"""Greets."""\n\ndef hello():\n    print("hello")\n    return 0\n'),
+        ("cli.py", "def _version(", '@command(app, "hello.hello")\ndef hello() -> None:\n    """Greet."""\n\n\n'),
     ],
 }
 
 
-def apply(file: str, edits: Edits) -> None:
-    path = TREE / file
-    text = path.read_text(encoding="utf-8") if path.exists() else ""
-    for before, new in edits:
+def apply(edits: Iterable[Edit]) -> None:
+    for file, before, new in edits:
+        path = TREE / file
+        text = path.read_text(encoding="utf-8") if path.exists() else ""
         assert text.count(before) == 1 or not before, (file, before)
-        text = text.replace(before, new + before) if before else text + new
-    path.write_text(text, encoding="utf-8")
+        path.write_text(text.replace(before, new + before) if before else text + new, encoding="utf-8")
 
 
 def fresh() -> None:
@@ -337,7 +322,7 @@ def planned(scene: Any, solver: str = "gauss_newton") -> str:
 
 
 def followed() -> str:
-    """What follows without a step of its own: files, words, replay and its sheet, and that no proof claims it."""
+    """Consequences without a step of their own: files, words, replay and its sheet, and that no proof claims it."""
     module, scene, place = importlib.import_module("hdplan"), timed(torque_rate=1e5), TREE / "scene.yaml"
     scene.save(place)
     assert module.load_scene(place).limits == scene.limits
@@ -370,7 +355,7 @@ def written() -> str:
 
 
 def by_length() -> str:
-    """What a scene's file with this objective plans, and what the motion achieves."""
+    """The plan of a scene's file with this objective, and what its motion achieves."""
     settings = part("scenes.planner_settings").PlannerSettings(polish=0, objective="length")
     scene = dataclasses.replace(timed(), planner=settings)
     found = importlib.import_module("hdplan").plan(scene)
@@ -434,7 +419,7 @@ PROBES: dict[str, dict[str, Callable[[], str]]] = {  # the checks after each ste
 
 def tried(recipe: str, done: list[str]) -> list[list[Any]]:
     fresh()
-    last = len(done) == len(RECIPES[recipe])
+    last = set(done) == {file for file, *_ in RECIPES[recipe]}
     probes = {name: probe for name, probe in PROBES[recipe].items() if last or name != "at last"}
     return [[recipe, done[:], name, came_of(probe)] for name, probe in probes.items()]
 
@@ -446,9 +431,9 @@ def main() -> None:
     for recipe, steps in RECIPES.items():
         done: list[str] = []
         before = {}
-        for file, edits in steps:
+        for file, edits in itertools.groupby(steps, key=lambda edit: edit[0]):
             before[file] = (TREE / file).read_text(encoding="utf-8") if (TREE / file).exists() else ""
-            apply(file, edits)
+            apply(edits)
             done.append(file)
             found += tried(recipe, done)
         for file in [file for file in done[1:-1] if before[file]]:  # all steps but one in the middle

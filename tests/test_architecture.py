@@ -17,29 +17,15 @@ FILES = sorted(path for folder in ("scenes", "distance", "planner") for path in 
 
 ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing runs in a circle
     *("scenes", "scenes.robot_files", "scenes.moveit", "scenes.yaml_format"),
-    *(
-        "distance.compiled",
-        "distance",
-        "distance.numpy_reference",
-        "distance.symbolic",
-        "distance.batch",
-        "distance.baselines",
-    ),
-    *("distance.studies", "planner.geometry.mesh_formats"),
+    *("distance.compiled", "distance", "distance.numpy_reference", "distance.symbolic", "distance.batch"),
+    *("distance.baselines", "distance.studies", "planner.geometry.mesh_formats"),
     *("planner.geometry", "planner.robot", "planner.motion", "planner.certificate"),
     *("planner.kinematics", "planner.collision", "planner.timing", "planner.problem", "planner.solvers"),
     *("planner.symbolic", "planner.traced"),
     "planner.solvers.methods",
     "planner.proof",
-    *(
-        "planner.search",
-        "planner",
-        "planner.replanning",
-        "planner.control",
-        "planner.pictures",
-        "planner.terminal",
-        "planner.studies",
-    ),
+    *("planner.search", "planner", "planner.replanning", "planner.control", "planner.pictures", "planner.terminal"),
+    "planner.studies",
     *("planner.job", "planner.batch", "planner.view.drawing", "planner.page", "planner.view", "planner.commands"),
 ]
 
@@ -154,7 +140,7 @@ def test_heavy_libraries_stay_at_home(library: str) -> None:
 
 
 def test_names_of_modules_in_strings_exist() -> None:
-    """What tests and benchmarks block, replace or look up by name: one that is gone would be tested no more."""
+    """Modules that tests and benchmarks block, replace or look up by name: one that is gone would be tested no more."""
     named = re.compile(r"""["'](?:hdplan\.)((?:planner|scenes|distance|cli|control|symbolic|verify)(?:\.\w+)*)""")
     for path in [*(ROOT / "tests").rglob("*.py"), *(ROOT / "benchmarks").rglob("*.py")]:
         for name in named.findall(path.read_text(encoding="utf-8")):

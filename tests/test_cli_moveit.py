@@ -12,6 +12,8 @@ from tests.commands import ARM, Command, refused
 MOVEIT_BOX = {"type": "box", "dimensions": [0.1, 0.1, 0.1]}
 MOVEIT_OBJECT = {"id": "box", "primitives": [MOVEIT_BOX], "pose": {"position": [0, 0, 3]}}
 MOVEIT_SCENE = {"robot_model_name": "planar_arm", "world": {"collision_objects": [MOVEIT_OBJECT]}}
+GOAL = {"elbow": 0.4, "shoulder": 1.0}
+ROBOT, REQUEST = ("--robot", "robot.yaml"), ("--request", "request.yaml")
 
 
 def moveit_request(goal: dict[str, float] | None) -> dict[str, object]:
@@ -29,54 +31,45 @@ def write_moveit(goal: dict[str, float] | None) -> list[str]:
 
 
 def test_moveit_files(hdplan: Command) -> None:
-    done = hdplan(*write_moveit({"elbow": 0.4, "shoulder": 1.0}))
+    done = hdplan(*write_moveit(GOAL))
     assert (done.code, done.err) == (0, "")
     assert "left out, as planar_arm has no such joints: gripper" in done.out
 
 
-@pytest.mark.parametrize(
-    ("goal", "leave_out", "words"),
-    [
-        (None, (), ["request.yaml", "'goal_constraints' is missing"]),
-        ({}, (), ["request.yaml", "no goal"]),
-        ({"elbow": 0.4}, (), ["goal (request.yaml)", "no value for shoulder"]),
-        ({"elbow": 3.4, "shoulder": 1.0}, (), ["goal (request.yaml)", "'elbow' is 3.4", "[-2.6, 2.6]"]),
-        ({"elbow": 0.4, "shoulder": 1.0}, ("--request", "request.yaml"), ["scene.yaml", "--request"]),
-        ({"elbow": 0.4, "shoulder": 1.0}, ("--robot", "robot.yaml"), ["scene.yaml", "--robot"]),
-        (
-            {"elbow": 0.4, "shoulder": 1.0},
-            ("--request", "request.yaml", "--robot", "robot.yaml"),
-            ["scene.yaml: is a MoveIt planning scene", "--request FILE", "--robot NAME or FILE"],
-        ),
-        (
-            {"elbow": 0.4, "shoulder": 1.0},
-            ("scene.yaml", "--request", "--robot", "robot.yaml"),
-            ["request.yaml: is a MoveIt motion plan request", "--request", "--robot NAME or FILE"],
-        ),
-        ({"elbow": 0.4, "shoulder": 1.0}, ("scene.yaml",), ["Missing argument"]),
-    ],
-    ids=[
-        "no goal",
-        "empty goal",
-        "joint missing",
-        "outside",
-        "no request",
-        "no robot",
-        "neither",
-        "request alone",
-        "no scene",
-    ],
-)
-def test_bad_moveit_input(
-    hdplan: Command, goal: dict[str, float] | None, leave_out: tuple[str, ...], words: list[str]
-) -> None:
-    arguments = [argument for argument in write_moveit(goal) if argument not in leave_out]
+BAD_INPUT = {  # the goal, the arguments left out, and parts of the message
+    "no goal": (None, (), "request.yaml", "'goal_constraints' is missing"),
+    "empty goal": ({}, (), "request.yaml", "no goal"),
+    "joint missing": ({"elbow": 0.4}, (), "goal (request.yaml)", "no value for shoulder"),
+    "outside": ({**GOAL, "elbow": 3.4}, (), "goal (request.yaml)", "'elbow' is 3.4", "[-2.6, 2.6]"),
+    "no request": (GOAL, REQUEST, "scene.yaml", "--request"),
+    "no robot": (GOAL, ROBOT, "scene.yaml", "--robot"),
+    "neither": (
+        GOAL,
+        (*REQUEST, *ROBOT),
+        "scene.yaml: is a MoveIt planning scene",
+        "--request FILE",
+        "--robot NAME or",
+    ),
+    "request alone": (
+        GOAL,
+        ("scene.yaml", "--request", *ROBOT),
+        "is a MoveIt motion plan request",
+        "--robot NAME or FILE",
+    ),
+    "no scene": (GOAL, ("scene.yaml",), "Missing argument"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_INPUT)
+def test_bad_moveit_input(hdplan: Command, case: str) -> None:
+    goal, left_out, *words = BAD_INPUT[case]
+    arguments = [argument for argument in write_moveit(goal) if argument not in left_out]
     refused(hdplan(*arguments), *words)
 
 
 def test_a_proof_of_moveits_files(hdplan: Command) -> None:
     """The same from plan, prove and verify, for which a request is as much as its scene."""
-    _, scene, *beside = write_moveit({"elbow": 0.4, "shoulder": 1.0})
+    _, scene, *beside = write_moveit(GOAL)
     assert hdplan("plan", scene, *beside, "-o", "m.json", "--proof", "m.proof").code == 0
     assert hdplan("prove", scene, "m.json", *beside, "-o", "n.proof").code == 0
     assert Path("m.proof").read_bytes() == Path("n.proof").read_bytes()

@@ -20,7 +20,7 @@ COMMAND = [sys.executable, "-m", "hdplan.cli"]
 
 
 def wrong(errors: str) -> list[str]:
-    """What the error stream holds beside the steps that took long, as they may on a slow machine."""
+    """Lines of the error stream beside the steps that took long, as they may on a slow machine."""
     return [line for line in errors.splitlines() if not (line.startswith("hdplan: ") and line.endswith(" ..."))]
 
 
@@ -105,7 +105,7 @@ def test_ctrl_c_ends_the_checker_of_proofs_without_its_traceback(tmp_path: Path)
 def test_ctrl_c_that_python_drops_ends_every_command(
     hdplan: Command, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
-    """As an exception in a destructor is; the command would run to its end."""
+    """An exception in a destructor is dropped; the command would run to its end."""
 
     class Last:
         def __del__(self) -> None:

@@ -52,7 +52,7 @@ def blocks(page: str, *languages: str) -> list[str]:
 
 
 def calls(page: str) -> list[str]:
-    """What follows `hdplan` in a page's shell blocks, transcripts and code spans, without comments."""
+    """Arguments of `hdplan` in a page's shell blocks, transcripts and code spans, without comments."""
     lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
     lines += [line[2:] for block in blocks(page, "text") for line in block.splitlines() if line.startswith("$ ")]
     lines += re.findall(r"`(hdplan [^`\n]+)`", re.sub(r"^```.*?^```", "", PAGES[page], flags=re.DOTALL | re.MULTILINE))
@@ -61,7 +61,7 @@ def calls(page: str) -> list[str]:
 
 
 def unknown(call: str) -> str | None:
-    """What a call names that there is not."""
+    """The command or options of a call that do not exist; None if all do."""
     words = call.split()
     for first in words[0].split("|"):
         if first.startswith("-"):
@@ -153,7 +153,7 @@ TRANSCRIPTS = [
 def test_the_transcripts_show_what_the_commands_print(
     page: str, lines: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In their words; an excerpt leaves lines out."""
+    """Their words are compared; an excerpt leaves lines out."""
     run = in_process(monkeypatch, capsys)
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.chdir(tmp_path)

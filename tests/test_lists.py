@@ -25,7 +25,6 @@ from hdplan.planner.certificate import coverage, exact_proximity, path_bounds, s
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.collision import halfspace_bodies
 from hdplan.planner.geometry import seen, shape_table, voxel_grids
-from hdplan.planner.pictures import scene as picture
 from hdplan.planner.problem import path_terms
 from hdplan.planner.proof import world_values
 from hdplan.planner.robot import self_filter
@@ -33,6 +32,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import may_end
 from hdplan.planner.terminal import explain, explain_effects
 from hdplan.scenes.clouds import Ignored
+from hdplan.scenes.lazy_imports import LazyModule
 from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, Seen, SteadyMotion, TimedPoses, obstacles_of
@@ -46,6 +46,7 @@ from hdplan.scenes.yaml_format import writer
 from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.scenes.yaml_format.seen import seen_entry
 
+picture: Any = LazyModule("hdplan.planner.pictures.scene")  # imports Matplotlib
 ROOT = Path(__file__).resolve().parent.parent
 FILES = sorted(path for folder in ("planner", "scenes") for path in (ROOT / folder).rglob("*.py"))
 
@@ -98,9 +99,9 @@ def with_field(value: Any, name: str, held: object) -> Any:
 
 
 PLAIN = Obstacle("o", Box([0.1, 0.1, 0.1]))
-OF_TORUS, OF_ROUNDED, OF_LIDAR = (
-    with_field(PLAIN, "shape", shape) for shape in (Torus(), Rounded([0.1, 0.1, 0.1]), Lidar())
-)
+ROUNDED = Rounded([0.1, 0.1, 0.1])
+OBSTACLES = [with_field(PLAIN, "shape", shape) for shape in (Torus(), ROUNDED, Lidar())]
+OF_TORUS, _, OF_LIDAR = OBSTACLES
 SWINGING = with_field(PLAIN, "motion", Swinging())
 
 
@@ -113,25 +114,24 @@ CLASSES = {
     **{kind.__name__: "path" for kind in get_args(PathConstraint)},
 }
 Fails = Callable[[], object]
+
+
+def for_each(call: Callable[[Any], object], *dummies: object) -> tuple[Fails, ...]:
+    return tuple(functools.partial(call, dummy) for dummy in dummies)
+
+
 PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
     ("planner/batch/sample.py", "_moved", "seen"): "what was measured keeps its size",
     ("planner/certificate/coverage.py", "", "motion"): (lambda: coverage.required_of(of(SWINGING), robot()),),
     ("planner/certificate/coverage.py", "", "path"): (lambda: coverage.required_of(along(Level()), robot()),),
     ("planner/certificate/coverage.py", "", "seen"): (lambda: coverage.required_of(of(OF_LIDAR), robot()),),
-    ("planner/certificate/exact_proximity.py", "", "shape"): (
-        lambda: exact_proximity.obstacle_pieces(OF_TORUS),
-        lambda: exact_proximity.obstacle_pieces(OF_ROUNDED),
-        lambda: exact_proximity.obstacle_pieces(OF_LIDAR),
-    ),
-    ("planner/certificate/solids.py", "obstacle_bodies", "seen"): (  # others are shapes, or `obstacle_pieces` fails
-        lambda: solids.obstacle_bodies(OF_TORUS),
-        lambda: solids.obstacle_bodies(OF_LIDAR),
+    ("planner/certificate/exact_proximity.py", "", "shape"): for_each(exact_proximity.obstacle_pieces, *OBSTACLES),
+    ("planner/certificate/solids.py", "obstacle_bodies", "seen"): for_each(  # others: `obstacle_pieces` fails
+        solids.obstacle_bodies, OF_TORUS, OF_LIDAR
     ),
     ("planner/collision/halfspace_bodies.py", "enclosed_loosely", "seen"): "asks for what can be enclosed again",
-    ("planner/collision/halfspace_bodies.py", "from_obstacle", "seen"): (
-        lambda: halfspace_bodies.from_obstacle(OF_LIDAR),
-        lambda: halfspace_bodies.from_obstacle(OF_TORUS),
-        lambda: halfspace_bodies.from_obstacle(OF_ROUNDED),
+    ("planner/collision/halfspace_bodies.py", "from_obstacle", "seen"): for_each(
+        halfspace_bodies.from_obstacle, *OBSTACLES
     ),
     ("planner/collision/halfspace_bodies.py", "from_shape", "shape"): (
         lambda: halfspace_bodies.from_shape("o", Torus(), np.eye(4)),
@@ -144,54 +144,31 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
     ("planner/control/controller.py", "_as_left", "seen"): "keeps all points of what is no cloud",
     ("planner/geometry/opened.py", "_read", "seen"): "reads files; what stays unread is refused wherever it is used",
     ("planner/geometry/opened.py", "_read", "shape"): "reads files; what stays unread is refused wherever it is used",
-    ("planner/geometry/shape_table.py", "", "shape"): (
-        lambda: shape_table.operations(Torus()),
-        lambda: shape_table.operations(Rounded([0.1, 0.1, 0.1])),
-    ),
+    ("planner/geometry/shape_table.py", "", "shape"): for_each(shape_table.operations, Torus(), ROUNDED),
     ("planner/job/world.py", "shape_of", "shape"): "refuses whatever is no shape",
     ("planner/job/world.py", "_as_seen", "seen"): "clouds alone ignore points",
-    ("planner/pictures/scene.py", "_bodies", "seen"): (
-        lambda: picture._bodies(OF_TORUS),
-        lambda: picture._bodies(OF_LIDAR),
-    ),
+    ("planner/pictures/scene.py", "_bodies", "seen"): for_each(lambda it: picture._bodies(it), OF_TORUS, OF_LIDAR),
     ("planner/problem/assemble.py", "with_seen_points", "seen"): "asks for clouds: they alone are seen again",
-    ("planner/proof/world_values.py", "plain_shape", "shape"): (
-        lambda: world_values.plain_shape(Torus()),
-        lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),
-    ),
-    ("planner/proof/world_values.py", "plain_shape", "seen"): (
-        lambda: world_values.plain_shape(Torus()),
-        lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),
-        lambda: world_values.plain_shape(Lidar()),
-    ),
+    ("planner/proof/world_values.py", "plain_shape", "shape"): for_each(world_values.plain_shape, Torus(), ROUNDED),
+    ("planner/proof/world_values.py", "plain_shape", "seen"): for_each(world_values.plain_shape, Lidar()),
     ("planner/replanning/picture.py", "Sighting.frozen", "motion"): "for ways alone; pictures refuse other motions",
     ("planner/replanning/picture.py", "Sightings.updated", "seen"): "a cloud alone is given as one",
     ("planner/replanning/picture.py", "_named", "seen"): "a cloud alone is given as one",
     ("planner/replanning/picture.py", "_refuse_timed", "motion"): "refuses all others",
-    ("planner/robot/self_filter.py", "_solids", "seen"): (
-        lambda: self_filter._solids(Ignored(0.1, obstacle="o"), of(OF_TORUS), None, "f"),
-        lambda: self_filter._solids(Ignored(0.1, obstacle="o"), of(OF_LIDAR), None, "f"),
+    ("planner/robot/self_filter.py", "_solids", "seen"): for_each(
+        lambda it: self_filter._solids(Ignored(0.1, obstacle="o"), of(it), None, "f"), OF_TORUS, OF_LIDAR
     ),
     ("planner/robot/self_filter.py", "self_filtered", "seen"): "asks for clouds: they alone say what to ignore",
-    ("planner/terminal/explain.py", "_words", "seen"): (
-        lambda: explain._words(OF_TORUS, OF_TORUS),
-        lambda: explain._words(OF_LIDAR, OF_LIDAR),
-    ),
+    ("planner/terminal/explain.py", "_words", "seen"): for_each(lambda it: explain._words(it, it), OF_TORUS, OF_LIDAR),
     ("planner/view/drawing/clouds.py", "CloudNode.__init__", "seen"): "asserts that it is given a cloud",
-    ("planner/view/drawing/skins.py", "obstacle_mesh", "seen"): (
-        lambda: skins().obstacle_mesh(OF_TORUS),
-        lambda: skins().obstacle_mesh(OF_LIDAR),
+    ("planner/view/drawing/skins.py", "obstacle_mesh", "seen"): for_each(
+        lambda it: skins().obstacle_mesh(it), OF_TORUS, OF_LIDAR
     ),
-    ("planner/view/drawing/skins.py", "obstacle_parts", "seen"): (
-        lambda: skins().obstacle_parts(OF_TORUS),
-        lambda: skins().obstacle_parts(OF_LIDAR),
+    ("planner/view/drawing/skins.py", "obstacle_parts", "seen"): for_each(
+        lambda it: skins().obstacle_parts(it), OF_TORUS, OF_LIDAR
     ),
     ("planner/view/scene_edits.py", "passing", "motion"): "refuses all but timed poses in words for the user",
-    (
-        "planner/view/obstacle_fields.py",
-        "ObstacleFields._build",
-        "motion",
-    ): "others go to `_rates`, which is complete",
+    ("planner/view/obstacle_fields.py", "ObstacleFields._build", "motion"): "others go to `_rates`, which is complete",
     ("planner/view/obstacle_fields.py", "ObstacleFields.update", "motion"): "tells whether fields are built anew",
     ("planner/view/obstacle_fields.py", "_duration", "motion"): "asserts that it is given timed poses",
     ("planner/view/drawing/standing.py", "Standing._node", "seen"): "other nodes are drawn by `skins.obstacle_mesh`",
@@ -203,15 +180,10 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
     ("scenes/obstacles.py", "_obstacle_of.made", "shape"): (lambda: obstacles_of([Torus()]),),
     ("scenes/scene.py", "Scene._check_whole", "seen"): "asks for clouds: they alone name other obstacles",
     ("scenes/yaml_format/reader.py", "_obstacles", "motion"): "timed poses alone say where an obstacle begins",
-    ("scenes/yaml_format/writer.py", "", "motion"): (lambda: writer.scene_text(of(SWINGING)),),
     ("scenes/yaml_format/writer.py", "", "path"): (lambda: writer.scene_text(along(Level())),),
     ("scenes/yaml_format/writer.py", "", "seen"): (lambda: writer.scene_text(of(OF_LIDAR)),),
     ("scenes/yaml_format/writer.py", "_obstacle", "motion"): (lambda: writer.scene_text(of(SWINGING)),),
-    ("scenes/yaml_format/writer.py", "_obstacle", "seen"): (
-        lambda: writer.scene_text(of(OF_LIDAR)),
-        lambda: writer.scene_text(of(OF_TORUS)),
-        lambda: writer.scene_text(of(OF_ROUNDED)),
-    ),
+    ("scenes/yaml_format/writer.py", "_obstacle", "seen"): for_each(lambda it: writer.scene_text(of(it)), *OBSTACLES),
 }
 """(file, function, what is distinguished) -> calls that must fail, or why it is no list of them."""
 
@@ -303,9 +275,10 @@ def test_every_place_that_tells_classes_apart_is_known() -> None:
 def test_places_fail_for_what_they_do_not_know(
     place: tuple[str, str, str], call: Fails, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also for a kind of sensor that the union has already."""
-    for module in (explain, picture, self_filter, world_values, writer):
-        monkeypatch.setattr(module, "Seen", Seen | Lidar)
+    """A kind of sensor that the union has already fails there, too."""
+    modules = ("planner.terminal.explain", "planner.pictures.scene", "planner.robot.self_filter")
+    for module in (*modules, "planner.proof.world_values", "scenes.yaml_format.writer"):
+        monkeypatch.setattr(f"hdplan.{module}.Seen", Seen | Lidar)
     named = r"Torus|Rounded|Lidar|Swinging|Level|must be an Obstacle|obstacles.o: is a map|'o' has no shape"
     with pytest.raises(Exception, match=named):
         call()
@@ -324,7 +297,7 @@ def test_places_fail_for_what_they_do_not_know(
         lambda: seen.seen_words(Lidar(), Lidar()),
         lambda: voxel_grids.boxes_in(Lidar()),
         lambda: voxel_grids.map_words(Lidar()),
-        lambda: seen_entry(Lidar(), str),
+        lambda: seen_entry(Lidar()),
     ],
 )
 def test_complete_places_fail_too(call: Fails) -> None:
@@ -383,8 +356,12 @@ def test_every_class_of_a_scene_is_known_to_certificate_and_writer() -> None:
 
     meet(Scene)
     assert met == set(coverage.FIELDS)
-    by_their_fields = {"Limits", "PathConstraints", "PlannerSettings", "FixedArray", "Goals", "AllOf"}
-    assert {kind.__name__ for kind in met - writer.WRITTEN.keys()} == by_their_fields
+    by_their_fields = (
+        "AllOf Along Attached Calibration Circle FixedArray Follow Goals Grip Ignored Job Limits Line PathConstraints "
+        "Payload PlanarBase PlannerSettings Pose Relative Release RobotSpec SteadyMotion TimedPoses Tracking "
+        "Uncertainty Upright"
+    )
+    assert {kind.__name__ for kind in met - writer.WRITTEN.keys()} == set(by_their_fields.split())
 
 
 def test_readers_of_scenes_declare_their_known_fields() -> None:
@@ -444,7 +421,7 @@ NAMED = {  # files that name one of them, and why no other one is passed over th
 
 
 def names_words(path: Path) -> bool:
-    """Whether a file tells limited quantities or objectives apart."""
+    """True if a file tells limited quantities or objectives apart."""
     words = {*QUANTITIES, *OBJECTIVES}
 
     def is_word(node: ast.AST) -> bool:
@@ -509,7 +486,7 @@ def test_dragging_and_fields_of_the_viewer_know_every_motion() -> None:
 
 
 def test_sampled_ends_are_judged_by_the_same_certificate() -> None:
-    """Of a scene that it does not know whole, nothing is drawn."""
+    """A scene that it does not know whole is not drawn."""
     scene = with_field(load_scene("empty"), "path", with_field(PathConstraints(), "upright", Level()))
     with pytest.raises((AssertionError, coverage.UncheckedError), match="Level"):
         may_end(Certifier(Setup.of(scene)), np.zeros(7))

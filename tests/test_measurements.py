@@ -104,7 +104,7 @@ def test_a_torn_block_is_refused(torn: str) -> None:
         measurements.blocks(SAMPLE.replace(torn, "Words" if "Words" in torn else ""))
 
 
-def test_what_fails_leaves_its_block_and_the_rest_is_written(
+def test_a_failed_measurement_leaves_its_block_and_the_rest_is_written(
     page: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(monkeypatch) == 1
@@ -146,7 +146,7 @@ def test_a_name_chooses_and_an_unknown_one_is_refused(
     page: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(monkeypatch, "--list", "second") == 0
-    assert capsys.readouterr().out == "second.py --count 3\n    Measured by hand.\n"
+    assert capsys.readouterr().out == "second.py --count 3\n    Measured by hand.\n0.0 h for 0 of 1\n"
     with pytest.raises(SystemExit, match="2"):
         run(monkeypatch, "third")
     assert "second.py --count 3" in capsys.readouterr().err

@@ -27,7 +27,7 @@ COMPILED = ("_loops.abi3.so", "_loops.pyd")
 
 
 def files() -> set[str]:
-    """What the wheel has to hold, by the names that it has there: the tree's files but those of C and what it makes."""
+    """Names of the files that the wheel has to hold: those of the tree, without C and what it makes."""
     found = set()
     for name, place in PLACES.items():
         for path in [place] if place.is_file() else place.rglob("*"):
@@ -54,7 +54,7 @@ def build(tree: Path, kind: str, into: Path, **env: str) -> Path:
 
 
 def wheel_files(wheel: Path) -> dict[str, bytes]:
-    """What a wheel holds of hdplan, by name."""
+    """Names of hdplan's files in a wheel."""
     with zipfile.ZipFile(wheel) as archive:
         assert len(archive.namelist()) == len(set(archive.namelist()))
         return {name: archive.read(name) for name in archive.namelist() if name.startswith("hdplan/")}

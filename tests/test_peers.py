@@ -116,7 +116,7 @@ def test_another_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_steps_that_were_cut_off_go_on_as_if_they_were_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a setting that is given up, and ends that are not free; the first with free ends is planned twice."""
+    """A setting is given up, some ends are not free, and the first problem with free ends is planned twice."""
     draw, scene = np.random.default_rng(7), hdplan.load_scene("panda_cage")
     steps, numbers, planned = list(narrow_steps.STEPS), [f"{i:03}" for i in range(7)], []
     certified = {(step, number): bool(draw.random() < 0.4) for step in steps for number in numbers}

@@ -18,19 +18,7 @@ from hdplan.scenes.scene import Scene
 NAN = float("nan")
 NONE = np.empty((0, 3))
 STRANGE: tuple[Any, ...] = ("a", None, 3, [1, "a"], {"a": 1}, object())
-NO_NUMBERS: tuple[Any, ...] = (
-    "a",
-    "1",
-    None,
-    NAN,
-    [1, "a"],
-    {"a": 1},
-    object(),
-    1j,
-    10**400,
-    b"1",
-    np.full((9, 9), NAN),
-)
+NO_NUMBERS: tuple[Any, ...] = (*STRANGE[:2], *STRANGE[3:], "1", NAN, 1j, 10**400, b"1", np.full((9, 9), NAN))
 
 
 @pytest.fixture(scope="module")

@@ -57,8 +57,8 @@ def test_public_names_are_documented(door: ModuleType, name: str) -> None:
         assert not missing or "rguments and errors as" in text, (name, missing)
 
 
-def test_what_a_scene_is_made_of_is_public() -> None:
-    """But what hdplan makes itself of plain values: joint values, lists of goals, arrays."""
+def test_the_parts_of_a_scene_are_public() -> None:
+    """Classes that hdplan makes of plain values are the exception: joint values, lists of goals, arrays."""
     public = {thing for door, name in PUBLIC if door is hdplan and isinstance(thing := getattr(door, name), type)}
     made: set[str] = set()
     for owner in (thing for thing in public if dataclasses.is_dataclass(thing) and issubclass(thing, Checked)):
@@ -93,7 +93,7 @@ def test_five_lines_without_a_file() -> None:
 
 
 @pytest.mark.parametrize("how", AGAIN)
-def test_what_was_sent_to_another_process_plans_and_steers_the_same(how: str) -> None:
+def test_copies_in_another_process_plan_and_steer_the_same(how: str) -> None:
     again, scene = AGAIN[how], hdplan.load_scene("panda_cage")
     problem, controller = hdplan.build(scene), control.Controller.of(scene)
     sent, robot = again(problem), again(problem.robot)
@@ -134,7 +134,7 @@ def test_controllers_of_every_distance_can_be_sent(kind: str) -> None:
 
 
 def test_each_can_be_looked_at() -> None:
-    """In one line of some hundred characters, however large it is."""
+    """Each object is shown in one line of some hundred characters, however large it is."""
     scene = hdplan.load_scene("panda_carry")
     problem, controller = hdplan.build(scene), control.Controller.of(scene)
     result = hdplan.plan(scene)
@@ -200,7 +200,7 @@ def test_a_warm_start_from_a_certified_motion_gives_a_certified_one(name: str) -
 
 
 def test_a_warm_start_is_first_taken_as_it_is() -> None:
-    """However far from any optimum: it may be the motion itself, where the solver finds none."""
+    """A guess far from any optimum may be the motion itself, where the solver finds none."""
     scene = hdplan.load_scene("planar_arm")
     robot, seen = hdplan.load_robot(scene.robot), []
     ends = [robot.configuration(end) for end in (scene.start, scene.goal)]

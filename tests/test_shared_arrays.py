@@ -59,7 +59,7 @@ def test_constants_of_modules_are_read_only() -> None:
 
 
 @pytest.mark.parametrize("name", ["panda_cage", "panda_carry", "ur5_payload", "panda_conveyor"])
-def test_what_is_kept_of_a_scene_and_its_robot_is_read_only(name: str) -> None:
+def test_kept_parts_of_a_scene_and_its_robot_are_read_only(name: str) -> None:
     scene = load_scene(name)
     robot = load_scene_robot(scene)
     certifier = Certifier(Setup.of(scene, robot))

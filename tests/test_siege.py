@@ -233,14 +233,7 @@ def test_a_worker_that_dies_or_hangs_is_a_finding_and_the_rest_goes_on(tmp_path)
     assert tally.kinds["fine"] == sum(draw > 2 for draw in draws)
 
 
-SIEGES = {
-    "certificate": 1,
-    "input": 10,
-    "semantics": 4,
-    "meshes-files": 20,
-    "control": 1,
-    "robots-files": 7,
-}
+SIEGES = {"certificate": 1, "input": 10, "semantics": 4, "meshes-files": 20, "control": 1, "robots-files": 7}
 
 
 @pytest.mark.parametrize("times", [1, pytest.param(30, marks=pytest.mark.slow)])

@@ -94,7 +94,7 @@ def test_all_parts_take_what_is_documented(tmp_path: Path) -> None:
     assert arm.urdf == Path("arm.urdf").absolute()
 
 
-def test_what_type_checkers_see_is_what_runs() -> None:
+def test_type_checkers_see_the_arguments_that_run() -> None:
     """The `__init__` that only they see has the arguments, in order, and the defaults of the one that runs."""
     found = 0
     for kind in (getattr(hdplan, name) for name in vars(hdplan)["__all__"]):

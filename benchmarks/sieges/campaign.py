@@ -141,11 +141,8 @@ def run(
                     worker.tell(index)
             if now - shown > 10.0:
                 shown = now
-                print(
-                    f"{name}: {tally.cases} of {count} cases, {len(tally.findings)} findings, {now - began:.0f} s",
-                    file=sys.stderr,
-                    flush=True,
-                )
+                words = f"{tally.cases} of {count} cases, {len(tally.findings)} findings, {now - began:.0f} s"
+                print(f"{name}: {words}", file=sys.stderr, flush=True)
     tally.seconds = time.monotonic() - began
     return tally
 
@@ -205,8 +202,7 @@ class _Worker:
     def __init__(self, script: Path, name: str, seed: int, output: Path) -> None:
         self.folder = output / f"worker_{os.getpid()}_{time.monotonic_ns()}"
         self.folder.mkdir(parents=True)
-        command = [sys.executable, str(script), name]
-        command += ["--seed", str(seed), "--worker", str(self.folder)]
+        command = [sys.executable, str(script), name, "--seed", str(seed), "--worker", str(self.folder)]
         environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         with open(self.folder / "errors.txt", "w") as errors:
             self.child = subprocess.Popen(

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.yaml_format.reader import load_scene
 from sieges import command, judge, motions, rows, scenes
 from sieges.campaign import Outcome
 from sieges.world import World
@@ -35,12 +39,6 @@ def attack(rng: np.random.Generator, folder: Path) -> Outcome:
 
 def _more(rng: np.random.Generator, folder: Path, base: rows.Rows, timed: bool) -> tuple[Counter[str], str]:
     """Certify more motions in the folder's scene; return how often each verdict came, and what is wrong with one."""
-    from hdplan.planner.certificate.certifier import Certifier
-    from hdplan.planner.motion.trajectory import Trajectory
-    from hdplan.planner.robot.scene_robot import load_scene_robot
-    from hdplan.scenes.errors import InputError
-    from hdplan.scenes.yaml_format.reader import load_scene
-
     scene, names = load_scene(folder / "scene.yaml"), base.names
     robot = load_scene_robot(scene)
     certifier, world = Certifier(Setup.of(scene, robot)), World(folder / "scene.yaml", names)
@@ -48,7 +46,7 @@ def _more(rng: np.random.Generator, folder: Path, base: rows.Rows, timed: bool) 
     world.pairs = [pair for pair in world.pairs if pair not in leave]
     for number in range(MORE):
         near = rng.random() < (0.7 if timed else 0.3)
-        motion = motions.varied(rng, base) if near else motions.random_rows(rng, world.machine, list(names), timed)
+        motion = motions.varied(rng, base) if near else motions.random_rows(rng, world.machine, names, timed)
         file = folder / f"more{number}{rng.choice(scenes.ENDINGS)}"
         rows.write(file, motion)
         try:
@@ -75,9 +73,6 @@ def check(folder: Path) -> Outcome:
         return Outcome("refused", "" if len(lines) <= 2 else f"refused in {len(lines)} lines: {short}")
     if done.code not in (0, 1):
         return Outcome("code", f"exit code {done.code}: {done.err.strip()[:200]}")
-    from hdplan.planner.robot.scene_robot import load_scene_robot
-    from hdplan.scenes.yaml_format.reader import load_scene
-
     lines = json.loads(done.out)
     motion = rows.read(folder / file)
     world = World(folder / "scene.yaml", motion.names)
@@ -94,14 +89,9 @@ def check(folder: Path) -> Outcome:
 def _pessimism(world: World, motion: rows.Rows, content: dict[str, Any]) -> dict[str, int]:
     """Count a contact with an obstacle where the judge finds the two bodies free."""
     worst = content.get("worst")
-    if (
-        content["status"] != "in_contact"
-        or not worst
-        or worst["distance_m"] > 0.0
-        or worst["link"] not in content["text"]
-    ):
+    if content["status"] != "in_contact" or not worst or worst["distance_m"] > 0.0:
         return {}
-    if worst["obstacle"] not in content["text"]:
+    if worst["link"] not in content["text"] or worst["obstacle"] not in content["text"]:
         return {}
     where = worst["parameter"] * (len(motion.positions) - 1)
     interval = min(int(where), len(motion.positions) - 2)
@@ -121,11 +111,7 @@ def excused(world: World, robot: Any, names: tuple[str, ...]) -> set[tuple[int, 
     pairs = [p for p in world.pairs if frozenset((world.bodies[p[0]].name, world.bodies[p[1]].name)) in always]
     if not pairs:
         return set()
-    joints = [world.machine.by_name[name] for name in names]
-    low, high = (
-        np.array([np.clip(end, -np.pi, np.pi) for end in ends])
-        for ends in zip(*((j.low, j.high) for j in joints), strict=True)
-    )
+    low, high = world.machine.reach(names, np.pi)
     q = np.random.default_rng(0).uniform(low, high, (16, len(names)))
     every, world.pairs = world.pairs, pairs
     places = world.places(names, q, np.zeros(16))
@@ -136,9 +122,3 @@ def excused(world: World, robot: Any, names: tuple[str, ...]) -> set[tuple[int, 
     world.pairs = every
     named = {frozenset(world.bodies[k].name for k in pair) for pair in touching if touching.count(pair) >= 8}
     return {pair for pair in pairs if frozenset(world.bodies[k].name for k in pair) in named}
-
-
-def replay(folder: Path, target: Path) -> Outcome:
-    """Check a kept case again, in a copy."""
-    shutil.copytree(folder, target, dirs_exist_ok=True)
-    return check(target)

@@ -12,10 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from hdplan import control
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.yaml_format.reader import load_scene
 from sieges import judge, rows, scenes
+from sieges.arms import random_arm
 from sieges.campaign import Outcome
-from sieges.machine import Machine
 from sieges.world import World
 
 STEPS = 250
@@ -26,16 +29,8 @@ ARMS = 12  # robots of its own that take part: their bodies are fitted once
 
 def attack(rng: np.random.Generator, folder: Path, steps: int = STEPS) -> Outcome:
     """Steer one robot; return what was broken."""
-    from hdplan import control
-    from hdplan.scenes.errors import InputError
-    from hdplan.scenes.yaml_format.reader import load_scene
-
     content, names, world = _scene(rng, folder)
-    machine = world.machine
-    low, high = (
-        np.array([np.clip(e, -2.8, 2.8) for e in ends])
-        for ends in zip(*((machine.by_name[n].low, machine.by_name[n].high) for n in names), strict=True)
-    )
+    low, high = world.machine.reach(names, 2.8)
     q = rng.uniform(low, high)
     content["start"] = content["goal"] = {"joints": dict(zip(names, q.tolist(), strict=True))}
     scenes.write(folder / "scene.yaml", content)
@@ -59,11 +54,8 @@ def attack(rng: np.random.Generator, folder: Path, steps: int = STEPS) -> Outcom
             wrong.append(f"step {k}: the command is {u.tolist()}")
             break
         push, jerk = (u - last.velocity) / period, ((u - last.velocity) / period - last.acceleration) / period
-        for what, value, most in (
-            ("speed", u, rates.velocity),
-            ("push", push, rates.acceleration),
-            ("jerk", jerk, rates.jerk),
-        ):
+        limits = rates.velocity, rates.acceleration, rates.jerk
+        for what, value, most in zip(("speed", "push", "jerk"), (u, push, jerk), limits, strict=True):
             if (np.abs(value) > most * (1 + 1e-6) + SLACK / period**2 * 1e-3).any():
                 wrong.append(f"step {k}: {what} {(np.abs(value) / most).max():.9g} of its limit")
         last = step.command
@@ -87,20 +79,14 @@ def attack(rng: np.random.Generator, folder: Path, steps: int = STEPS) -> Outcom
     return Outcome("steps", "; ".join(wrong), len(modes), notes)
 
 
-def _settings(rng: np.random.Generator) -> Any:
-    from hdplan import control
-
-    kind = str(rng.choice(["hdsdf", "hdsdf", "euclidean"]))
-    barriers = control.BarrierSettings() if kind == "hdsdf" else control.BarrierSettings(distance="euclidean")
-    return control.ControlSettings(
-        barriers=barriers, speed=float(rng.choice([0.3, 1.0])), period=float(rng.choice([0.002, 0.005, 0.01]))
-    )
+def _settings(rng: np.random.Generator) -> control.ControlSettings:
+    barriers = control.BarrierSettings(distance=str(rng.choice(["hdsdf", "hdsdf", "euclidean"])))
+    speed, period = float(rng.choice([0.3, 1.0])), float(rng.choice([0.002, 0.005, 0.01]))
+    return control.ControlSettings(barriers=barriers, speed=speed, period=period)
 
 
 def _scene(rng: np.random.Generator, folder: Path) -> tuple[dict[str, Any], tuple[str, ...], World]:
     """Write a robot of a small pool among new obstacles."""
-    from sieges.arms import random_arm
-
     which = int(rng.integers(ARMS + 2))
     content: dict[str, Any] = {"hdplan": 1, "obstacles": []}
     if which < ARMS:
@@ -112,9 +98,7 @@ def _scene(rng: np.random.Generator, folder: Path) -> tuple[dict[str, Any], tupl
     else:
         name = "panda" if which == ARMS else "ur5"
         content["robot"] = {"name": name, "locked": scenes.PANDA if name == "panda" else {}}
-        scenes.write(folder / "scene.yaml", content)
-        machine: Machine = World(folder / "scene.yaml", ()).machine
-        names = tuple(j.name for j in machine.order if j.kind != "fixed" and "finger" not in j.name)
+        names = scenes.named_joints(folder, content)
     scenes.write(folder / "scene.yaml", content)
     world = World(folder / "scene.yaml", names)
     coming = rng.random() < 0.2
@@ -156,8 +140,8 @@ def _broken(
         for each in judge.closest(world, places, np.minimum(chosen + end, len(q) - 1), within):
             claim = claims[min(each.place - end, len(claims) - 1)]
             if each.high < claim - 1e-7:
-                names_ = f"{world.bodies[each.pair[0]].name} and {world.bodies[each.pair[1]].name}"
-                wrong.append(f"step {each.place}: {names_} at {each.high:.6g} m, proven {claim:.6g} m")
+                apart = f"at {each.high:.6g} m, proven {claim:.6g} m"
+                wrong.append(f"step {each.place}: {world.pair_name(each.pair)} {apart}")
     return wrong
 
 
@@ -167,7 +151,4 @@ def _contact(world: World, places: Array) -> list[str]:
         return []
     chosen = np.unique(np.linspace(0, places.shape[1] - 1, 24).round().astype(int))
     met = [each for each in judge.closest(world, places, chosen, np.zeros(len(world.pairs))) if each.high <= 0.0]
-    return [
-        f"step {each.place}: {world.bodies[each.pair[0]].name} meets {world.bodies[each.pair[1]].name}"
-        for each in met[:1]
-    ]
+    return [f"step {each.place}: {world.pair_name(each.pair)}, which meet" for each in met[:1]]

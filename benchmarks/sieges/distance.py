@@ -12,8 +12,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
+from hdplan import distance as library
+from hdplan.distance.baselines.coal import signed_distances
+from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
 from hdplan.scenes.array_types import Array
 from sieges import gjk, paper
 from sieges.campaign import Outcome
@@ -78,26 +82,19 @@ def attack(rng: np.random.Generator, folder: Path, count: int = POSES, witnesses
         if not witnesses or word in witnesses:
             compare(word, *evaluate(setting, pose_a, pose_b))
     if not witnesses or "signed_distance" in witnesses:
-        from hdplan.distance.baselines.coal import signed_distances
-
         found = signed_distances(_body(a), pose_a, _body(b), pose_b)
         notes["poses of signed_distance"] = len(found)
         off = np.flatnonzero((found > high + EXACT * size) | (found < low - EXACT * size))
         if len(off):
-            wrong.append(
-                f"signed_distance: {found[off[0]]!r} at pose {off[0]}, the judge {low[off[0]]!r} to {high[off[0]]!r}"
-            )
+            k = off[0]
+            wrong.append(f"signed_distance: {found[k]!r} at pose {k}, the judge {low[k]!r} to {high[k]!r}")
     if not witnesses or "halfspaces" in witnesses:
         wrong += _halfspaces(a, b, gamma, length, pose_a, pose_b, rng, notes)
     wrong += _derivatives(rng, setting, a, b, pose_a, pose_b, size, witnesses, notes)
     if wrong:
         np.savez(folder / "poses.npz", pose_a=pose_a, pose_b=pose_b)
-    return Outcome(
-        "pairs of poses",
-        "; ".join(wrong)[:600] and f"setting {SETTINGS[setting]}: " + "; ".join(wrong)[:600],
-        count,
-        notes,
-    )
+    words = "; ".join(wrong)[:600]
+    return Outcome("pairs of poses", words and f"setting {SETTINGS[setting]}: {words}", count, notes)
 
 
 def some_poses(rng: np.random.Generator, a: paper.Polytope, b: paper.Polytope, count: int) -> tuple[Array, Array]:
@@ -172,18 +169,10 @@ def _derivatives(
     _, _, gamma, length, normals = SETTINGS[setting]
     rows = rng.choice(len(pose_a), min(TWISTS, len(pose_a)), replace=False)
     twist = rng.normal(size=(len(rows), 12))
-    values = [
-        _wide(
-            a,
-            paper.moved(pose_a[rows], twist[:, :6], h),
-            b,
-            paper.moved(pose_b[rows], twist[:, 6:], h),
-            gamma,
-            length,
-            normals,
-        )[0]
-        for h in (-STEP, 0.0, STEP)
-    ]
+    values = []
+    for h in (-STEP, 0.0, STEP):
+        moved = (paper.moved(pose[rows], own, h) for pose, own in ((pose_a, twist[:, :6]), (pose_b, twist[:, 6:])))
+        values.append(_wide(a, next(moved), b, next(moved), gamma, length, normals)[0])
     slope = ((values[2] - values[0]) / (2 * STEP)).astype(float)
     bend = ((values[2] - 2 * values[1] + values[0]) / STEP**2).astype(float)
     wrong = []
@@ -217,44 +206,32 @@ def _bodies(setting: int) -> tuple[Any, Any, dict[str, Any]]:
 
 
 def _body(solid: paper.Polytope) -> Any:
-    from hdplan.distance import ConvexBody
-
-    return ConvexBody.from_points(solid.points, solid.radius)
+    return library.ConvexBody.from_points(solid.points, solid.radius)
 
 
 def _reference(setting: int, pose_a: Array, pose_b: Array) -> tuple[Array, Array | None]:
-    from hdplan.distance import hdsdf, separation
-
     a, b, keywords = _bodies(setting)
-    value = hdsdf(a, pose_a, b, pose_b, **keywords)
-    return value, separation(a, pose_a, b, pose_b, normals=keywords["normals"])
+    value = library.hdsdf(a, pose_a, b, pose_b, **keywords)
+    return value, library.separation(a, pose_a, b, pose_b, normals=keywords["normals"])
 
 
 @functools.cache
 def _compiled(setting: int) -> Any:
-    from hdplan.distance import hdsdf_compiled
-
     a, b, keywords = _bodies(setting)
-    return hdsdf_compiled(a, b, **keywords)
+    return library.hdsdf_compiled(a, b, **keywords)
 
 
 @functools.cache
 def _jax(setting: int) -> Any:
-    from hdplan.distance import hdsdf_batch
-
     a, b, keywords = _bodies(setting)
-    return hdsdf_batch(a, b, **keywords)
+    return library.hdsdf_batch(a, b, **keywords)
 
 
 @functools.cache
 def _function(setting: int) -> tuple[Any, Any]:
     """Return the CasADi function, and value, slope and curvature along a twist, by its own derivatives."""
-    import casadi as ca
-
-    from hdplan.distance import hdsdf_function
-
     a, b, keywords = _bodies(setting)
-    function = hdsdf_function(a, b, **keywords)
+    function = library.hdsdf_function(a, b, **keywords)
     pose_a, pose_b, twist, t = ca.MX.sym("a", 4, 4), ca.MX.sym("b", 4, 4), ca.MX.sym("xi", 12), ca.MX.sym("t")
 
     def after(pose: Any, v: Any) -> Any:
@@ -280,10 +257,8 @@ def _casadi_along(setting: int, pose_a: Array, pose_b: Array, twist: Array) -> t
 
 
 def _reference_along(setting: int, pose_a: Array, pose_b: Array, twist: Array) -> tuple[Array, Array | None]:
-    from hdplan.distance import hdsdf_derivatives
-
     a, b, keywords = _bodies(setting)
-    found = hdsdf_derivatives(a, pose_a, b, pose_b, **keywords)
+    found = library.hdsdf_derivatives(a, pose_a, b, pose_b, **keywords)
     return _along((found.gradient, found.hessian), twist)
 
 
@@ -296,10 +271,6 @@ def _halfspaces(
     a: paper.Polytope, b: paper.Polytope, gamma: int, length: float, pose_a: Array, pose_b: Array, rng: Any, notes: Any
 ) -> list[str]:
     """Compare the planner's distance: B by 26 planes with exact supports, A standing and swept."""
-    import casadi as ca
-
-    from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
-
     ways = np.array([w for w in np.ndindex(3, 3, 3) if w != (1, 1, 1)]) - 1.0
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     levels = (b.points @ ways.T).max(axis=0) + b.radius

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from hdplan.scenes.yaml_format.reader import shipped_scenes
 from sieges import command, mutations, rows, scenes
 from sieges.campaign import Outcome
 from sieges.machine import Machine
@@ -77,8 +78,6 @@ def _own(rng: np.random.Generator, folder: Path, what: str) -> list[str]:
 
 def _planar(rng: np.random.Generator, folder: Path, what: str) -> list[str]:
     """Write the shipped planar arm's scene: its bodies are fitted once."""
-    from hdplan.scenes.yaml_format.reader import shipped_scenes
-
     source = shipped_scenes()[PLANAR]
     content = yaml.safe_load(source.read_text())
     robot = content["robot"]
@@ -91,9 +90,8 @@ def _planar(rng: np.random.Generator, folder: Path, what: str) -> list[str]:
     if rng.random() < 0.3:
         content["limits"] = {"velocity": 2.0, "acceleration": 8.0}
     if rng.random() < 0.3:
-        content["obstacles"].append(
-            {"name": "m", "shape": scenes.mesh(rng, folder, "m", 0.1), "pose": {"position": [0.6, 0.4, 0.3]}}
-        )
+        thing = {"name": "m", "shape": scenes.mesh(rng, folder, "m", 0.1), "pose": {"position": [0.6, 0.4, 0.3]}}
+        content["obstacles"].append(thing)
     scenes.write(folder / "scene.yaml", content)
     if what == "plan":
         return ["plan", "scene.yaml", "--time-limit", "0.5", "-o", "out.json"]
@@ -144,10 +142,7 @@ def _moveit(
         "world": {"collision_objects": things},
         "is_diff": False,
     }
-    goal = [
-        {"joint_name": name, "position": value}
-        for name, value in zip(names, motion.positions[-1].tolist(), strict=True)
-    ]
+    goal = [{"joint_name": n, "position": v} for n, v in zip(names, motion.positions[-1].tolist(), strict=True)]
     request = {"group_name": "arm", "start_state": state, "goal_constraints": [{"joint_constraints": goal}]}
     scenes.write(folder / "scene.yaml", message)
     scenes.write(folder / "request.yaml", request)
@@ -156,9 +151,7 @@ def _moveit(
 def spoil(rng: np.random.Generator, folder: Path) -> str:
     """Make one of the folder's files wrong; return its name."""
     files = sorted(path for path in folder.iterdir() if path.is_file() and path.name not in ("command.txt",))
-    weights = np.array(
-        [3.0 if path.suffix == ".yaml" else 2.0 if path.name.startswith("m.") else 1.0 for path in files]
-    )
+    weights = np.array([3.0 if path.suffix == ".yaml" else 1.0 + path.name.startswith("m.") for path in files])
     path = files[int(rng.choice(len(files), p=weights / weights.sum()))]
     how = rng.random()
     if path.suffix == ".yaml" and how < 0.75:

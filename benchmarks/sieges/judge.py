@@ -54,7 +54,7 @@ def _places(world: World, rows: Rows, q: Array, times: Array, clearance: float, 
     required = np.array([_required(world, pair, clearance, own, less) for pair in world.pairs])
     places = world.places(rows.names, q, times)
     for pair, place in inside(world, places):
-        return [f"{_names(world, pair)}: inside at {_when(rows, place, q)}"]
+        return [f"{world.pair_name(pair)}: inside at {_when(rows, place, q)}"]
     chosen = np.unique(np.linspace(0, len(q) - 1, COARSE).round().astype(int))
     nearest: list[Nearest] = []
     for _ in range(3):
@@ -64,7 +64,7 @@ def _places(world: World, rows: Rows, q: Array, times: Array, clearance: float, 
             must = required[world.pairs.index(each.pair)]
             if each.high < must - GRANTED * (1.0 + reach):
                 where = _when(rows, each.place, q)
-                return [f"{_names(world, each.pair)}: {each.high:.6g} m at {where}, claimed {must:.6g} m"]
+                return [f"{world.pair_name(each.pair)}: {each.high:.6g} m at {where}, claimed {must:.6g} m"]
         nearest = sorted(nearest, key=lambda each: each.high - required[world.pairs.index(each.pair)])[:4]
         step = max(1, len(q) // COARSE // 4)
         around = [each.place + move for each in nearest for move in (-2 * step, -step, step, 2 * step)]
@@ -264,10 +264,6 @@ def _ends_are_closer(world: World, names: tuple[str, ...]) -> bool:
     near = closest(world, places, np.arange(2), np.full(len(world.pairs), clearance + 1e-6))
     outer = [each for each in near if each.pair[1] >= world.robot_count]
     return any(each.high < clearance + 1e-6 and world.bodies[each.pair[1]].name not in world.insist for each in outer)
-
-
-def _names(world: World, pair: tuple[int, int]) -> str:
-    return f"{world.bodies[pair[0]].name} and {world.bodies[pair[1]].name}"
 
 
 def _when(rows: Rows, place: int, q: Array) -> str:

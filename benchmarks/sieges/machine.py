@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sysconfig
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,13 @@ import numpy as np
 from hdplan.scenes.array_types import Array
 from sieges import poses
 
+SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share"
+DATA = SHARE / "example-robot-data" / "robots"
+NAMED = {  # URDF and SRDF of robots that go by a name
+    "panda": ("panda_description/urdf/panda.urdf", "panda_description/srdf/panda.srdf"),
+    "ur5": ("ur_description/urdf/ur5_robot.urdf", "ur_description/srdf/ur5.srdf"),
+    "xarm7": ("xarm_description/urdf/xarm7.urdf", "xarm_description/srdf/xarm7.srdf"),
+}
 GRAVITY = np.array([0.0, 0.0, -9.81])
 TURNS = ("revolute", "continuous")
 
@@ -78,6 +87,11 @@ class Machine:
             self.order += ready
             reached |= {joint.child for joint in ready}
             left = [joint for joint in left if joint not in ready]
+
+    def reach(self, names: Sequence[str], most: float) -> Array:
+        """Return the limits (2, n) of joints, none farther than `most` from 0."""
+        joints = [self.by_name[name] for name in names]
+        return np.clip([[joint.low for joint in joints], [joint.high for joint in joints]], -most, most)
 
     def held(self, locked: dict[str, float], planned: set[str]) -> dict[str, float]:
         """Return the values of the joints that are not planned: locked, as another one says, or 0 within limits."""
@@ -170,30 +184,16 @@ def _step(joint: Joint, values: dict[str, Array], count: int) -> Array:
 
 
 def _joint(element: ElementTree.Element) -> Joint:
-    kind, limit, axis, mimic = (
-        element.get("type", ""),
-        element.find("limit"),
-        element.find("axis"),
-        element.find("mimic"),
-    )
+    kind, limit, axis, mimic = element.get("type", ""), *map(element.find, ("limit", "axis", "mimic"))
     about: dict[str, str] = {} if limit is None else dict(limit.attrib)
     direction = np.array([float(word) for word in ("1 0 0" if axis is None else axis.get("xyz", "")).split()])
-    free = kind == "continuous"
-    return Joint(
-        element.get("name", ""),
-        kind,
-        _link(element, "parent"),
-        _link(element, "child"),
-        _origin(element),
-        direction / np.linalg.norm(direction),
-        -np.inf if free else float(about.get("lower", 0.0)),
-        np.inf if free else float(about.get("upper", 0.0)),
-        float(about.get("effort", 0.0)),
-        float(about.get("velocity", 0.0)),
-        None
-        if mimic is None
-        else (mimic.get("joint", ""), float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))),
-    )
+    low, high, effort, speed = (float(about.get(key, 0.0)) for key in ("lower", "upper", "effort", "velocity"))
+    low, high = (-np.inf, np.inf) if kind == "continuous" else (low, high)
+    follows = None
+    if mimic is not None:
+        follows = mimic.get("joint", ""), float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))
+    links, axis = (_link(element, "parent"), _link(element, "child")), direction / np.linalg.norm(direction)
+    return Joint(element.get("name", ""), kind, *links, _origin(element), axis, low, high, effort, speed, follows)
 
 
 def _link(element: ElementTree.Element, end: str) -> str:

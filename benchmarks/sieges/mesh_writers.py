@@ -203,18 +203,14 @@ def ply(rng: np.random.Generator) -> tuple[bytes, Array]:
         for p in polygons
     )
     name = str(rng.choice(["vertex_indices", "vertex_index"]))
+    listed = [f"element face {len(polygons)}", f"property list {count} {index} {name}"]
     elements = [
         ([f"element vertex {len(points)}", *(f"property {t} {n}" for t, n in properties)], vertices),
-        (
-            [f"element face {len(polygons)}", f"property list {count} {index} {name}"]
-            + [f"property {t} {n}" for t, n in tint],
-            faces,
-        ),
+        ([*listed, *(f"property {t} {n}" for t, n in tint)], faces),
     ]
     if rng.random() < 0.2:
-        elements.append(
-            (["element edge 1", "property int vertex1", "property int vertex2"], row([("int", 0), ("int", 1)]))
-        )
+        edge = ["element edge 1", "property int vertex1", "property int vertex2"]
+        elements.append((edge, row([("int", 0), ("int", 1)])))
     if rng.random() < 0.1:
         elements.reverse()
     head = ["ply", f"format {order} 1.0", *([f"comment {_name(rng)}"] * int(rng.integers(0, 2)))]
@@ -239,13 +235,11 @@ def dae(rng: np.random.Generator) -> tuple[bytes, Array]:
     for k, (points, polygons) in enumerate(parts(rng)):
         matrix = placement(rng)
         numbers = " ".join(f"{x:.9g}" for x in points.ravel())
+        sizes, tag = f"<vcount>{' '.join(str(len(p)) for p in polygons)}</vcount>", "polylist"
         if all(len(p) == 3 for p in polygons):
-            faces = f'<triangles count="{len(polygons)}"><input semantic="VERTEX" source="#v{k}" offset="0"/>'
-            faces += f"<p>{' '.join(str(i) for p in polygons for i in p)}</p></triangles>"
-        else:
-            faces = f'<polylist count="{len(polygons)}"><input semantic="VERTEX" source="#v{k}" offset="0"/>'
-            faces += f"<vcount>{' '.join(str(len(p)) for p in polygons)}</vcount>"
-            faces += f"<p>{' '.join(str(i) for p in polygons for i in p)}</p></polylist>"
+            sizes, tag = "", "triangles"
+        faces = f'<{tag} count="{len(polygons)}"><input semantic="VERTEX" source="#v{k}" offset="0"/>{sizes}'
+        faces += f"<p>{' '.join(str(i) for p in polygons for i in p)}</p></{tag}>"
         geometries += (
             f'<geometry id="g{k}"><mesh><source id="p{k}"><float_array id="a{k}" count="{points.size}">{numbers}'
             f'</float_array><technique_common><accessor source="#a{k}" count="{len(points)}" stride="3">'

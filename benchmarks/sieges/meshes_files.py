@@ -10,9 +10,14 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import coal
 import numpy as np
+import trimesh
 
+from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.shapes import Mesh
 from sieges import mesh_writers
 from sieges.campaign import Outcome
 
@@ -35,10 +40,6 @@ def attack(rng: np.random.Generator, folder: Path) -> Outcome:
 
 def opinions(path: Path, truth: Array | None = None) -> tuple[str, str]:
     """Return what came of a file, and what is wrong: hdplan against what was written, if that is known, and Assimp."""
-    from hdplan.planner.geometry.meshes import load_mesh
-    from hdplan.scenes.errors import InputError
-    from hdplan.scenes.shapes import Mesh
-
     try:
         mesh = load_mesh(Mesh(path), "obstacles.thing")
     except InputError as error:
@@ -57,8 +58,6 @@ def opinions(path: Path, truth: Array | None = None) -> tuple[str, str]:
 
 def by_assimp(path: Path) -> Array | None:
     """Return the triangles (F, 3, 3) that Assimp reads, through coal's loader; None where it refuses the file."""
-    import coal
-
     try:
         tree = coal.MeshLoader(coal.BV_AABB).load(str(path))
     except (RuntimeError, ValueError, IndexError):
@@ -69,8 +68,6 @@ def by_assimp(path: Path) -> Array | None:
 
 def by_trimesh(path: Path) -> Array | None:
     """Return the triangles (F, 3, 3) that trimesh reads; None where it fails."""
-    import trimesh
-
     try:
         scene = trimesh.load_scene(str(path), process=False)
         return np.concatenate([np.asarray(mesh.triangles) for mesh in scene.dump() if hasattr(mesh, "faces")])

@@ -8,14 +8,10 @@ from sieges.machine import Machine
 from sieges.rows import Rows
 
 
-def random_rows(rng: np.random.Generator, machine: Machine, names: list[str], timed: bool) -> Rows:
+def random_rows(rng: np.random.Generator, machine: Machine, names: tuple[str, ...], timed: bool) -> Rows:
     """Return a motion of these joints, mostly within their limits."""
     count = int(rng.integers(2, 9))
-    joints = [machine.by_name[name] for name in names]
-    low, high = (
-        np.array([np.clip(end, -3.0, 3.0) for end in ends])
-        for ends in zip(*((j.low, j.high) for j in joints), strict=True)
-    )
+    low, high = machine.reach(names, 3.0)
     if timed or rng.random() < 0.5:  # curves swing out between their rows
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         low, high = middle - 0.75 * half, middle + 0.75 * half
@@ -23,26 +19,24 @@ def random_rows(rng: np.random.Generator, machine: Machine, names: list[str], ti
     start = rng.uniform(low, high)
     q = np.clip(start + np.cumsum(rng.normal(size=(count, len(names))) * span, axis=0), low, high)
     if rng.random() < 0.1:
-        q[int(rng.integers(count)), int(rng.integers(len(names)))] += rng.choice(
-            [1e-12, 1e-6, 9e-4, 1e-2]
-        ) * rng.choice([-1, 1])
+        step = rng.choice([1e-12, 1e-6, 9e-4, 1e-2]) * rng.choice([-1, 1])
+        q[int(rng.integers(count)), int(rng.integers(len(names)))] += step
     if rng.random() < 0.05:
         q[:] = q[0]
     if not timed and rng.random() < 0.6:
-        return Rows(tuple(names), q)
-    width = rng.uniform(0.05, 1.0, count - 1) * rng.choice(
-        [1.0, 1.0, 1.0, 1e-3, 1e3, 1e-6, 1e6], p=[0.3, 0.25, 0.25, 0.05, 0.05, 0.05, 0.05]
-    )
+        return Rows(names, q)
+    scale = rng.choice([1.0, 1e-3, 1e3, 1e-6, 1e6], p=[0.8, 0.05, 0.05, 0.05, 0.05])
+    width = scale * rng.uniform(0.05, 1.0, count - 1)
     begin = rng.choice([0.0, 0.0, 0.0, 0.5, 100.0])
     times = begin + np.concatenate([[0.0], np.cumsum(width)])
     rule = int(rng.integers(0, 4))
     if rule == 0:
-        return Rows(tuple(names), q, times)
+        return Rows(names, q, times)
     v = np.gradient(q, times, axis=0) * rng.choice([0.0, 1.0, 1.0, 3.0])
     a = np.gradient(v, times, axis=0) * rng.choice([0.0, 0.0, 1.0, -1.0])
     if rng.random() < 0.8:
         v[[0, -1]], a[[0, -1]] = 0.0, 0.0
-    return Rows(tuple(names), q, times, v, None if rule == 1 else a)
+    return Rows(names, q, times, v, None if rule == 1 else a)
 
 
 def varied(rng: np.random.Generator, base: Rows) -> Rows:

@@ -37,11 +37,8 @@ class Polytope:
             if on not in sides:
                 sides.append(on)
                 normals.append(plane[:3])
-        edges = [
-            points[max(one & other)] - points[min(one & other)]
-            for one, other in combinations(sides, 2)
-            if len(one & other) == 2
-        ]
+        shared = (sorted(one & other) for one, other in combinations(sides, 2))
+        edges = [points[pair[1]] - points[pair[0]] for pair in shared if len(pair) == 2]
         return cls(points, _once(normals), _once(edges), radius)
 
     @property

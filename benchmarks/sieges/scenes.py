@@ -33,21 +33,14 @@ def random_case(rng: np.random.Generator, folder: Path) -> tuple[dict[str, Any],
         name = str(rng.choice(["panda", "ur5"]))
         content["robot"] = {"name": name, "locked": PANDA if name == "panda" else {}}
         links = ["panda_hand", "panda_link5"] if name == "panda" else ["wrist_3_link", "forearm_link"]
-        planned = []
     if rng.random() < 0.4:
-        content["robot"]["base"] = {
-            "position": rng.uniform(-1, 1, 3).round(3).tolist(),
-            "rpy": rng.choice([0.0, np.pi, np.pi / 2, 0.3], 3).tolist(),
-        }
+        place, turn = rng.uniform(-1, 1, 3).round(3), rng.choice([0.0, np.pi, np.pi / 2, 0.3], 3)
+        content["robot"]["base"] = {"position": place.tolist(), "rpy": turn.tolist()}
     moving, limited = rng.random() < 0.2, rng.random() < 0.3
     write(folder / "scene.yaml", content)
-    if not own:
-        machine = World(folder / "scene.yaml", ()).machine
-        movable = [j.name for j in machine.order if j.kind not in ("fixed",) and "finger" not in j.name]
-        planned = movable
-    names = tuple(planned)
+    names = tuple(planned) if own else named_joints(folder, content)
     world = World(folder / "scene.yaml", names)
-    motion = motions.random_rows(rng, world.machine, planned, moving or limited)
+    motion = motions.random_rows(rng, world.machine, names, moving or limited)
     if rng.random() < 0.3:
         content["attached"] = [held(rng, folder, links)]
         write(folder / "scene.yaml", content)
@@ -59,9 +52,8 @@ def random_case(rng: np.random.Generator, folder: Path) -> tuple[dict[str, Any],
     if limited:
         content["limits"] = limits(rng, world, motion)
     if moving or (limited and "acceleration" not in content.get("limits", {})):
-        content["timing"] = {
-            "duration": float(np.clip(1.0 if motion.times is None else np.ptp(motion.times), 1e-3, 1e3))
-        }
+        duration = 1.0 if motion.times is None else float(np.ptp(motion.times))
+        content["timing"] = {"duration": min(max(duration, 1e-3), 1e3)}
     if rng.random() < 0.15:
         content["path"] = constraints(rng, world, motion, links)
     if rng.random() < 0.2:
@@ -77,6 +69,13 @@ def random_case(rng: np.random.Generator, folder: Path) -> tuple[dict[str, Any],
     file = "m" + str(rng.choice(ENDINGS))
     rows.write(folder / file, motion)
     return content, motion, file
+
+
+def named_joints(folder: Path, content: dict[str, Any]) -> tuple[str, ...]:
+    """Return the joints of a scene's robot by name, without its fingers."""
+    write(folder / "scene.yaml", content)
+    order = World(folder / "scene.yaml", ()).machine.order
+    return tuple(joint.name for joint in order if joint.kind != "fixed" and "finger" not in joint.name)
 
 
 def held(rng: np.random.Generator, folder: Path, links: list[str]) -> dict[str, Any]:
@@ -134,13 +133,8 @@ def obstacles(
             centre = place[:3, :3] @ middle + place[:3, 3]
             shape = solid(rng, 0.02) if rng.random() < 0.5 else mesh(rng, folder, name, 0.02)
         elif trap < 0.25:
-            shape = mesh(
-                rng,
-                folder,
-                name,
-                float(rng.choice([2.0, 6.0])),
-                str(rng.choice(["star", "room", "ball", "inverted", "hollow", "open", "nested"])),
-            )
+            kind = str(rng.choice(["star", "room", "ball", "inverted", "hollow", "open", "nested"]))
+            shape = mesh(rng, folder, name, float(rng.choice([2.0, 6.0])), kind)
         else:
             shape = solid(rng, size) if rng.random() < 0.5 else mesh(rng, folder, name, size)
             way = rng.normal(size=3)

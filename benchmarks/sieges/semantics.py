@@ -12,8 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.yaml_format.reader import load_scene
+from hdplan.scenes.yaml_format.writer import scene_text
 from sieges import judge, poses, scenes
 from sieges.campaign import Outcome
 from sieges.certificate import excused
@@ -25,9 +30,6 @@ TURNED = 1e-4  # the same downwards, where the directions that coal finds for cu
 
 def attack(rng: np.random.Generator, folder: Path) -> Outcome:
     """Read one scene in every way and compare."""
-    from hdplan.scenes.errors import InputError
-    from hdplan.scenes.yaml_format.reader import load_scene
-
     content, motion, _ = scenes.random_case(rng, folder)
     try:
         scene = load_scene(folder / "scene.yaml")
@@ -40,9 +42,6 @@ def attack(rng: np.random.Generator, folder: Path) -> Outcome:
 
 def _distances(scene: Any, folder: Path, motion: Any) -> str:
     """Compare the closest places and the contacts of the motion's first rows; return what differs."""
-    from hdplan.planner.certificate.certifier import Certifier
-    from hdplan.planner.robot.scene_robot import load_scene_robot
-
     robot = load_scene_robot(scene)
     certifier = Certifier(Setup.of(scene, robot))
     world = World(folder / "scene.yaml", motion.names)
@@ -63,7 +62,8 @@ def _compare(certifier: Any, world: World, names: tuple[str, ...], q: Array, pla
     outer = [pair for pair in world.pairs if pair[1] >= world.robot_count]
     nearest = certifier.nearest(planned, time=time)
     contacts = {frozenset((each.link, each.other)) for each in certifier.contacts(planned, time)}
-    every, extra = world.pairs, _every(world)
+    every, count = world.pairs, len(world.bodies)
+    extra = [(a, b) for a in range(world.robot_count) for b in range(a + 1, count)]
     for word, pairs, place in (("obstacles", outer, nearest[0]), ("links", own, nearest[1])):
         world.pairs = pairs
         if not pairs or (place is None and not any(each.high < 100.0 for each in _near(world, places, 100.0))):
@@ -78,22 +78,19 @@ def _compare(certifier: Any, world: World, names: tuple[str, ...], q: Array, pla
         world.pairs = every
         least = min(near, key=lambda each: each.high, default=None)
         if least is not None and place.distance > max(least.high, 0.0) + SAME * reach:
-            other = f"the judge {least.high:.9g} m of {_names(world, least.pair)}"
+            other = f"the judge {least.high:.9g} m of {world.pair_name(least.pair)}"
             return f"{word}: nothing nearer than {place.distance:.9g} m, {other}"
         touching = within | {each.pair for each in near if each.high < -SAME * reach}
         seen = [pair for pair in touching if frozenset(world.bodies[k].name for k in pair) in contacts]
         if len(seen) < len(touching):
-            return (
-                f"{word}: contact of {_names(world, next(pair for pair in touching if pair not in seen))} is not seen"
-            )
-        world.pairs = [pair for pair in extra if _names(world, pair) in _both(place)]  # it may look at more pairs
+            missed = world.pair_name(next(pair for pair in touching if pair not in seen))
+            return f"{word}: contact of {missed} is not seen"
+        world.pairs = [pair for pair in extra if world.pair_name(pair) in _both(place)]  # it may look at more pairs
         met = bool(touching) or bool(judge.inside(world, places, open_too=True))  # and take an open mesh for a solid
         near = _near(world, places, max(place.distance, 0.0) + TURNED * reach)
         world.pairs = every
         if not met and not any(each.low <= max(place.distance, 0.0) + TURNED * reach for each in near):
-            return (
-                f"{word}: {place.distance:.9g} m of {place.link} and {place.other}, the judge finds them farther apart"
-            )
+            return f"{word}: {place.distance:.9g} m of {_both(place)[0]}, the judge finds them farther apart"
     return ""
 
 
@@ -101,28 +98,16 @@ def _near(world: World, places: Array, within: float) -> list[judge.Nearest]:
     return judge.closest(world, places, np.array([0]), np.full(len(world.pairs), within))
 
 
-def _every(world: World) -> list[tuple[int, int]]:
-    return [(a, b) for a in range(world.robot_count) for b in range(a + 1, len(world.bodies))]
-
-
 def _both(place: Any) -> tuple[str, str]:
     return f"{place.link} and {place.other}", f"{place.other} and {place.link}"
 
 
-def _names(world: World, pair: tuple[int, int]) -> str:
-    return f"{world.bodies[pair[0]].name} and {world.bodies[pair[1]].name}"
-
-
 def _again(scene: Any, folder: Path) -> str:
     """Write the scene, read it, and compare everything but its source."""
-    from hdplan.scenes.yaml_format.reader import load_scene
-    from hdplan.scenes.yaml_format.writer import scene_text
-
     text = scene_text(scene)
     (folder / "again.yaml").write_text(text)
     other = load_scene(folder / "again.yaml")
-    names = [field.name for field in dataclasses.fields(scene) if field.name not in ("name", "source", "notes")]
-    for name in names:
+    for name in {field.name for field in dataclasses.fields(scene)} - {"name", "source", "notes"}:
         if _plain(getattr(scene, name)) != _plain(getattr(other, name)):
             return f"written and read again: {name} is another"
     if scene_text(other) != text:
@@ -135,9 +120,8 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return value.resolve()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return type(value).__name__, [
-            (f.name, _plain(getattr(value, f.name))) for f in dataclasses.fields(value) if f.compare
-        ]
+        names = [field.name for field in dataclasses.fields(value) if field.compare]
+        return type(value).__name__, [(name, _plain(getattr(value, name))) for name in names]
     if isinstance(value, tuple):
         return tuple(_plain(item) for item in value)
     return value
@@ -145,10 +129,6 @@ def _plain(value: Any) -> Any:
 
 def _as_moveit(rng: np.random.Generator, content: dict[str, Any], folder: Path, motion: Any) -> str:
     """Write boxes, balls and cylinders of the scene in MoveIt's words; the closest must be as far as before."""
-    from hdplan.planner.certificate.certifier import Certifier
-    from hdplan.planner.robot.scene_robot import load_scene_robot
-    from hdplan.scenes.yaml_format.reader import load_scene
-
     known = {"box", "sphere", "cylinder"}
     things = [item for item in content["obstacles"] if item["shape"]["type"] in known and "motion" not in item]
     robot = content["robot"]
@@ -158,12 +138,8 @@ def _as_moveit(rng: np.random.Generator, content: dict[str, Any], folder: Path, 
     scenes.write(folder / "robot.yaml", {"robot": robot})
     state: dict[str, Any] = {"joint_state": {"name": list(motion.names), "position": motion.positions[0].tolist()}}
     state["attached_collision_objects"] = [
-        {
-            "link_name": item["link"],
-            "object": {**_message(rng, item), "header": {"frame_id": item["link"]}},
-            "touch_links": item.get("touch_links") or [],
-        }
-        for item in held
+        {"link_name": item["link"], "object": thing, "touch_links": item.get("touch_links") or []}
+        for item, thing in ((item, {**_message(rng, item), "header": {"frame_id": item["link"]}}) for item in held)
     ]
     messages = [_message(rng, item) for item in things]
     world = {"collision_objects": messages}
@@ -174,10 +150,8 @@ def _as_moveit(rng: np.random.Generator, content: dict[str, Any], folder: Path, 
     found = []
     content = {**content, "obstacles": things, "attached": held, "planner": {}, "self_collision": True}
     scenes.write(folder / "plain.yaml", content)
-    for scene in (
-        load_scene(folder / "plain.yaml"),
-        load_scene(folder / "moveit.yaml", folder / "request.yaml", folder / "robot.yaml"),
-    ):
+    for files in (["plain.yaml"], ["moveit.yaml", "request.yaml", "robot.yaml"]):
+        scene = load_scene(*(folder / file for file in files))
         arm = load_scene_robot(scene)
         order = [motion.names.index(name) for name in arm.joint_names]
         places = Certifier(Setup.of(scene, arm)).nearest(motion.positions[0][order])

@@ -11,6 +11,9 @@ from typing import Any
 
 import numpy as np
 
+import hdplan
+from hdplan import control
+from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.setup import Setup
 from sieges import distance, paper, scenes
 from sieges.campaign import Outcome
@@ -61,42 +64,27 @@ def _witness(word: str, setting: int, poses: tuple[Any, Any]) -> str:
 
 
 def _check(folder: Path, file: str) -> str:
-    from hdplan.planner.certificate.certifier import certify
-    from hdplan.planner.motion.trajectory import Trajectory
-    from hdplan.scenes.errors import InputError
-    from hdplan.scenes.yaml_format.reader import load_scene
-
     try:
-        found = certify(load_scene(folder / "scene.yaml"), Trajectory.load(folder / file))
-    except InputError as error:
+        found = hdplan.certify(hdplan.load_scene(folder / "scene.yaml"), hdplan.Trajectory.load(folder / file))
+    except hdplan.InputError as error:
         return str(error)
     return f"{found.text} {found.clearance!r} {found.self_clearance!r} {found.worst!r}"
 
 
 @functools.cache
 def _cage() -> Any:
-    from hdplan import control
-    from hdplan.scenes.yaml_format.reader import load_scene
-
-    return control.Controller.of(load_scene("panda_cage"))
+    return control.Controller.of(hdplan.load_scene("panda_cage"))
 
 
 def _steps(moves: Any) -> str:
-    from hdplan import control
-    from hdplan.scenes.yaml_format.reader import load_scene
-
     controller = _cage()
-    q = controller.robot.configuration(load_scene("panda_cage").start)
+    q = controller.robot.configuration(hdplan.load_scene("panda_cage").start)
     return _digest(*(controller.step(q + move, control.standing(q - move)).velocity for move in moves))
 
 
 @functools.cache
 def _certifier() -> Any:
-    from hdplan.planner.certificate.certifier import Certifier
-    from hdplan.scenes.yaml_format.reader import load_scene
-
-    scene = load_scene("panda_bookshelf")
-    return Certifier(Setup.of(scene))
+    return Certifier(Setup.of(hdplan.load_scene("panda_bookshelf")))
 
 
 def _nearest(moves: Any) -> str:
@@ -104,7 +92,5 @@ def _nearest(moves: Any) -> str:
 
 
 def _plan(seed: int) -> str:
-    import hdplan
-
     found = hdplan.plan(hdplan.load_scene("planar_arm"), seed=seed)
     return _digest(found.trajectory.positions) + found.certificate.text

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import sysconfig
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from functools import lru_cache
@@ -17,15 +16,11 @@ from scipy.spatial import ConvexHull
 from hdplan.scenes.array_types import Array
 from sieges import meshes, poses
 from sieges.gjk import Index, Pieces
-from sieges.machine import Machine, Mass, Motion
+from sieges.machine import DATA, NAMED, SHARE, Machine, Mass, Motion
 from sieges.rows import Rows
 
-DATA = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
-NAMED = {
-    "panda": ("panda_description/urdf/panda.urdf", "panda_description/srdf/panda.srdf"),
-    "ur5": ("ur_description/urdf/ur5_robot.urdf", "ur_description/srdf/ur5.srdf"),
-}
 SAME = np.eye(3)
+Row = tuple[Array, float, float, Array]  # a convex piece: points, ball, disc, axes
 CONVEX = 1.0 - 1e-3  # of its hull's volume from which a closed mesh counts as its hull, as hdplan says it does
 
 
@@ -36,7 +31,7 @@ class Body:
     name: str  # of the link, the object or the obstacle
     link: str  # that carries it; empty for an obstacle
     place: Array  # (4, 4) in the link's frame, or in the world at time 0
-    rows: list[tuple[Array, float, float, Array]]  # convex pieces: points, ball, disc, axes
+    rows: list[Row]
     mesh: meshes.Mesh | None = None  # that is not convex: where it is closed, inside is contact too
     closed: bool = False
     motion: dict[str, Any] | None = None  # of an obstacle
@@ -50,12 +45,10 @@ class World:
         self.folder = scene.parent
         self.content: dict[str, Any] = yaml.load(scene.read_text(), yaml.CSafeLoader)
         robot = self.content["robot"]
-        if "name" in robot:
-            srdf: Path | None
-            urdf, srdf = (DATA / file for file in NAMED[robot["name"]])
-        else:
-            urdf = self.folder / robot["urdf"]
-            srdf = self.folder / robot["srdf"] if "srdf" in robot else None
+        home, files = (
+            (DATA, NAMED[robot["name"]]) if "name" in robot else (self.folder, (robot["urdf"], robot.get("srdf")))
+        )
+        urdf, srdf = home / files[0], home / files[1] if files[1] else None
         self.machine = _machine(urdf, urdf.stat().st_mtime_ns)
         locked = {name: float(value) for name, value in (robot.get("locked") or {}).items()}
         self.planned = [name for name in planned if name not in locked]
@@ -139,23 +132,15 @@ class World:
             [frames[body.link] @ body.place if body.link else _passage(body, times) for body in self.bodies]
         )
 
-    def _shape(self, shape: dict[str, Any]) -> list[tuple[Array, float, float, Array]] | meshes.Mesh:
-        match shape["type"]:
-            case "box":
-                return [(meshes.box(np.array(shape["size"], dtype=float))[0], 0.0, 0.0, SAME)]
-            case "sphere":
-                return [(np.zeros((1, 3)), float(shape["radius"]), 0.0, SAME)]
-            case "capsule":
-                return [(_segment(shape["length"]), float(shape["radius"]), 0.0, SAME)]
-            case "cylinder":
-                return [(_segment(shape["length"]), 0.0, float(shape["radius"]), SAME)]
-            case "points":
-                points = np.array(shape["points"], dtype=float)
-                return [(points[ConvexHull(points).vertices], 0.0, 0.0, SAME)]
-            case _:
-                scale = np.broadcast_to(np.array(shape.get("scale", 1.0), dtype=float), 3)
-                points, faces = meshes.read(self.folder / shape["file"])
-                return points * scale, faces
+    def _shape(self, shape: dict[str, Any]) -> list[Row] | meshes.Mesh:
+        if shape["type"] != "mesh":
+            return _primitive(shape)
+        points, faces = meshes.read(self.folder / shape["file"])
+        return points * np.array(shape.get("scale", 1.0), dtype=float), faces
+
+    def pair_name(self, pair: tuple[int, int]) -> str:
+        """Return the names of two bodies."""
+        return " and ".join(self.bodies[k].name for k in pair)
 
     def masses(self) -> list[Mass]:
         """Return all that weighs something: links, payload, held objects."""
@@ -186,11 +171,7 @@ def _disabled(srdf: Path | None) -> set[frozenset[str]]:
 
 
 def _body(
-    name: str,
-    link: str,
-    place: Array,
-    shape: list[tuple[Array, float, float, Array]] | meshes.Mesh,
-    motion: dict[str, Any] | None = None,
+    name: str, link: str, place: Array, shape: list[Row] | meshes.Mesh, motion: dict[str, Any] | None = None
 ) -> Body:
     if isinstance(shape, list):
         return Body(name, link, place, shape, motion=motion)
@@ -206,22 +187,29 @@ def _body(
     return Body(name, link, place, rows, shape, solid, motion)
 
 
-def _of_urdf(shape: ElementTree.Element, urdf: Path) -> list[tuple[Array, float, float, Array]] | meshes.Mesh:
+def _of_urdf(shape: ElementTree.Element, urdf: Path) -> list[Row] | meshes.Mesh:
     about = {key: [float(word) for word in value.split()] for key, value in shape.items() if key != "filename"}
-    match shape.tag:
+    if shape.tag != "mesh":
+        return _primitive({"type": shape.tag, **{key: x if key == "size" else x[0] for key, x in about.items()}})
+    name = shape.get("filename", "")
+    known = name.removeprefix("package://")
+    file = SHARE / known if known != name else urdf.parent / name
+    return _mesh(file, tuple(about.get("scale", [1.0, 1.0, 1.0])), file.stat().st_mtime_ns)
+
+
+def _primitive(shape: dict[str, Any]) -> list[Row]:
+    """Return the convex piece of a shape that has no file."""
+    radius, segment = shape.get("radius", 0.0), np.array([[0, 0, -0.5], [0, 0, 0.5]]) * shape.get("length", 0.0)
+    match shape["type"]:
         case "box":
-            return [(meshes.box(np.array(about["size"]))[0], 0.0, 0.0, SAME)]
-        case "sphere":
-            return [(np.zeros((1, 3)), about["radius"][0], 0.0, SAME)]
-        case "capsule":
-            return [(_segment(about["length"][0]), about["radius"][0], 0.0, SAME)]
+            return [(meshes.box(np.array(shape["size"], dtype=float))[0], 0.0, 0.0, SAME)]
+        case "sphere" | "capsule":
+            return [(segment[: 1 + ("length" in shape)], radius, 0.0, SAME)]
         case "cylinder":
-            return [(_segment(about["length"][0]), 0.0, about["radius"][0], SAME)]
+            return [(segment, 0.0, radius, SAME)]
         case _:
-            name = shape.get("filename", "")
-            known = name.removeprefix("package://example-robot-data/")
-            file = DATA.parent / known if known != name else urdf.parent / name
-            return _mesh(file, tuple(about.get("scale", [1.0, 1.0, 1.0])), file.stat().st_mtime_ns)
+            points = np.array(shape["points"], dtype=float)
+            return [(points[ConvexHull(points).vertices], 0.0, 0.0, SAME)]
 
 
 @lru_cache(maxsize=64)
@@ -229,10 +217,6 @@ def _mesh(file: Path, scale: tuple[float, ...], _: int) -> meshes.Mesh:
     points, faces = meshes.read(file)
     scaled = points * np.array(scale)
     return scaled, faces if np.prod(scale) > 0 else faces[:, ::-1]
-
-
-def _segment(length: Any) -> Array:
-    return np.array([[0.0, 0.0, -0.5], [0.0, 0.0, 0.5]]) * float(length)
 
 
 def _passage(body: Body, times: Array) -> Array:

@@ -112,7 +112,7 @@ def _between_centres(centre: CentreAxis, body_a: ConvexBody, body_b: ConvexBody)
 
 
 def _across_edges(edges: EdgeAxes, body_a: ConvexBody, body_b: ConvexBody) -> MovingAxes:
-    """Lay out the axes across every edge u of A, and -u, and every edge v of B: e = u×v."""
+    """Assemble the axes across every edge u of A, and -u, and every edge v of B: e = u×v."""
     along_a, along_b = np.vstack([edges.along_a, -edges.along_a]), edges.along_b
     of_a = [np.cross(along_a[:, None], -np.eye(3)), *_seen_along(body_a.vertices, along_a)]
     of_b = [along_b, *_seen_along(body_b.vertices, along_b)]

@@ -1,8 +1,9 @@
 """A small cache on disk, keyed by content: results that were computed from the same input are read back.
 
-It only saves time: an entry that is missing, damaged or unreadable is computed again, and a folder that cannot be
-written is not used, which a warning says. Entries are written whole or not at all. The folder is `$HDPLAN_CACHE`, or
-else the user's own. Where others may write in it or above it, it is not used: what they put there would be believed.
+It only saves time: an entry that is missing, damaged, unreadable or another one's is computed again, and a folder that
+cannot be written is not used, which a warning says. Entries are written whole or not at all. The folder is
+`$HDPLAN_CACHE`, or else the user's own. Where others may write in it or above it, it is not used: what they put there
+would be believed.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ def load(kind: str, key: str, read: Callable[[Any], Value | None]) -> Value | No
         return None
     try:
         checksum, _, text = (cache_dir() / kind / f"{key}.json").read_text(encoding="utf-8").partition("\n")
-        return read(json.loads(text)) if checksum == content_key(text) else None
+        return read(json.loads(text)) if checksum == content_key(kind, key, text) else None
     except (OSError, ValueError, TypeError, LookupError, AttributeError, OverflowError, RecursionError, InputError):
         return None
 
@@ -66,7 +67,7 @@ def finite(values: Any) -> Array:
 def store(kind: str, key: str, value: Any) -> None:
     """Store a JSON value; does nothing where the folder cannot be written."""
     text = json.dumps(value)
-    write_whole(cache_dir() / kind / f"{key}.json", f"{content_key(text)}\n{text}".encode())
+    write_whole(cache_dir() / kind / f"{key}.json", f"{content_key(kind, key, text)}\n{text}".encode())
 
 
 def trusted() -> bool:

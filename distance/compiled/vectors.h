@@ -59,4 +59,13 @@ static inline void placed(const double* placement, const double* point, double* 
   found[2] = dot(placement + 6, point) + placement[11];
 }
 
+/* found = B⁻¹ A, the frame that is placed by A as seen from the one that is placed by B. */
+static inline void seen_from(const double* b, const double* a, double* found) {
+  double apart[3];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) found[3 * i + j] = b[i] * a[j] + b[3 + i] * a[3 + j] + b[6 + i] * a[6 + j];
+  difference(a + 9, b + 9, apart);
+  turned_back(b, apart, found + 9);
+}
+
 #endif

@@ -69,9 +69,10 @@ def hdsdf(
     2.8).
 
     Args:
-        body_a, body_b: the bodies, each in its own frame; of unions D is the Hölder minimum over their pieces' pairs
-            (``unions``).
-        pose_a, pose_b: (..., 4, 4) rigid transforms from body to world [m]; leading axes broadcast.
+        body_a: a body in its own frame; of unions D is the Hölder minimum over their pieces' pairs (``unions``).
+        pose_a: (..., 4, 4) rigid transforms from body to world [m]; leading axes broadcast.
+        body_b: the other body, in its own frame.
+        pose_b: the other body's transforms.
         gamma: order of differentiability, an integer >= 1.
         shaping_length: half-height of the shaping function [m]; near contact D is flat within it.
         epsilon: the paper's parameter, [m^gamma], instead of the shaping length: epsilon = shaping_length^gamma.

@@ -51,7 +51,7 @@ def relative_function(
 def _groups(
     axes: CandidateNormals, body_a: ConvexBody, body_b: ConvexBody, rotation: ca.MX, position: ca.MX, witnesses: ca.MX
 ) -> list[Axes]:
-    """Lay out every axis, in groups of equal numbers of projections."""
+    """Assemble every axis, in groups of equal numbers of projections."""
     radii = body_a.radius + body_b.radius
     in_a = rotation @ ca.DM(body_b.vertices.T) + ca.repmat(
         position, 1, len(body_b.vertices)
@@ -118,7 +118,7 @@ def _groups(
 def _edge_groups(
     axes: CandidateNormals, body_a: ConvexBody, body_b: ConvexBody, rotation: ca.MX, in_a: ca.MX
 ) -> list[Axes]:
-    """Lay out the axes across edges, every edge of A with every one of B."""
+    """Assemble the axes across edges, every edge of A with every one of B."""
     if axes.edges is None or not len(axes.edges.along_a) or not len(axes.edges.along_b):
         return []
     edges = axes.edges

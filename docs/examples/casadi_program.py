@@ -1,4 +1,4 @@
-"""The CasADi program with a cost and a constraint of one's own, solved by Ipopt and by fatrop, and proven."""
+"""The CasADi program with your own cost and constraint, solved by Ipopt and by fatrop, and proven."""
 
 import casadi as ca
 import matplotlib.pyplot as plt

@@ -28,7 +28,7 @@ distance, given = ca.vertcat(*distances), ca.DM([[0.32, -0.1, -0.3], [0.8, -0.1,
 
 
 def at_rest(cost, guess, **bounds):
-    """Where the arm comes to rest [rad], the multipliers and D there."""
+    """The arm's configuration at rest [rad], the multipliers and D there."""
     options = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-10}}
     solver = ca.nlpsol("rest", "ipopt", {"x": q, "p": places, "f": cost, "g": distance}, options)
     found = solver(x0=guess, p=given, lbx=-2.6, ubx=2.6, **bounds)

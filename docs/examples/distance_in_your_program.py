@@ -1,4 +1,4 @@
-"""The distance and its gradients in one's own program: in a CasADi graph, and in JAX. Prints how they compare with the
+"""The distance and its gradients in your own program: in a CasADi graph, and in JAX. Prints how they compare with the
 exact distance, and draws them over the angle of a rod that turns above a cube: distance_in_your_program.png."""
 
 import casadi as ca

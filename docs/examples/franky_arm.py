@@ -30,12 +30,12 @@ class Franka:
         return time.monotonic()
 
     def state(self):
-        """Return what was measured."""
+        """Return the measured positions and velocities."""
         measured = self.robot.current_joint_state
         return measured.position, measured.velocity
 
     def send(self, position, velocity):
-        """Be there one period from now."""
+        """Send the reference for the end of this period."""
         if not self.robot.is_in_control:
             raise RuntimeError("the robot is not in control any more")
         self.motion.set_reference(self.franky.JointReference(q=position, dq=velocity))

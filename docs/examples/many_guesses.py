@@ -1,4 +1,4 @@
-"""256 guesses of one problem at once, in JAX: Gauss-Newton betters all together, and the best one is certified."""
+"""256 guesses of one problem at once, in JAX: Gauss-Newton improves all of them, and the best one is certified."""
 
 import dataclasses
 import time

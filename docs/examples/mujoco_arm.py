@@ -1,4 +1,4 @@
-"""A Panda in MuJoCo executes a plan; how far it is off becomes the tube in which the next plan is proven."""
+"""A Panda in MuJoCo executes a plan; its tracking error becomes the tube in which the next plan is proven."""
 
 import dataclasses
 

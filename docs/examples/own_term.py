@@ -1,4 +1,4 @@
-"""A cost and a constraint of one's own, written in CasADi alone: keep the elbow near a posture, and steps small."""
+"""Your own cost and constraint, written in CasADi alone: keep the elbow near a posture, and steps small."""
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -16,16 +16,16 @@ scene = hdplan.Scene(
 
 
 def seen(t):
-    """What a camera says of a person at a time: where, to 1 cm, and that nobody walks faster than 0.4 m/s."""
+    """A person in a camera's picture at a time: the place, to 1 cm, and a speed of at most 0.4 m/s."""
     sizes = hdplan.Uncertainty(0.01, speed=0.4)
     return hdplan.Obstacle("person", hdplan.Capsule(0.1, 0.6), [0.75, -0.5 + 0.4 * t, 0.5], uncertainty=sizes)
 
 
 class AtOnce(Executor):
-    """For a clock that is simulated, as here; a replanner on a robot looks for ways in a thread of its own."""
+    """An executor for a simulated clock, as here; on a robot a thread of the replanner's own searches for ways."""
 
     def submit(self, work, *args):
-        """Do it now."""
+        """Run a task at once."""
         future = Future()
         future.set_result(work(*args))
         return future

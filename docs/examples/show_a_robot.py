@@ -1,4 +1,4 @@
-"""A robot beside its plan in the viewer: what it reports of its joints is drawn as it comes.
+"""A robot beside its plan in the viewer: reported joint values are drawn as they arrive.
 
 Here the reports are the plan's own, a little late and off, as a robot's are. With MuJoCo, report
 `data.qpos[:n]` after each step; with ROS, the positions of a JointState by their names.

@@ -1,4 +1,4 @@
-"""Stream a motion to a Panda at 1 kHz, as libfranka's interface of joint positions asks for it."""
+"""Stream a motion to a Panda at 1 kHz, as libfranka's joint position interface requires."""
 
 import dataclasses
 import itertools

@@ -14,7 +14,7 @@ JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_j
 
 class UR:
     """A UR5 of the CB series, whose controller takes a position of its joints every 8 ms. An e-Series takes one every
-    2 ms, and its links are others: its scene needs its own robot."""
+    2 ms, and has other links: its scene needs its own robot."""
 
     joint_names, period = JOINTS, 0.008
 
@@ -31,11 +31,11 @@ class UR:
         return time.monotonic()
 
     def state(self):
-        """Return what was measured."""
+        """Return the measured positions and velocities."""
         return np.array(self.receive.getActualQ()), np.array(self.receive.getActualQd())
 
     def send(self, position, velocity):
-        """Be there one period from now; the controller's look-ahead and gain are its smallest and a middle one."""
+        """Send the reference for the end of this period, with the least look-ahead and a middle gain."""
         began = self.control.initPeriod()
         if not self.control.servoJ(position.tolist(), 0.0, 0.0, self.period, 0.03, 500.0):
             raise RuntimeError("the controller does not take positions")

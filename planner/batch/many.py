@@ -41,18 +41,18 @@ def plan_many(
 
     Args:
         problems: scenes, files of scenes, or shipped scenes' names; fetched as workers become free, so a generator of
-        any length is allowed. workers: processes on this machine; None for one on each core.
+            any length is allowed.
+        workers: processes on this machine; None for one on each core.
         scheduler: address of a running dask scheduler, such as "tcp://10.0.0.1:8786", whose workers are used instead.
         solver: as in `plan`.
         seed: of the random guesses; each problem's own seed is drawn from it and the problem's place in the order.
         time_limit: [s] for each problem, reading and building included. A process that has not returned after twice as
-        long and
-            10 s more is ended.
+            long and 10 s more is ended.
         in_order: whether outcomes come in the order of the problems, or else as they arrive.
 
     Raises:
         InputError: bad arguments, at once, and if dask is not installed (the extra `batch`); while iterating, a
-        scheduler that does not answer or disappears, and a problem that is neither a scene nor a file's name.
+            scheduler that does not answer or disappears, and a problem that is neither a scene nor a file's name.
     """
     check_installed()
     solver_named(solver)

@@ -3,8 +3,8 @@
 It shares nothing with the planner that made the trajectory: it uses Pinocchio's own kinematics, the robot's real
 collision geometry, the scene's own shapes (`exact_proximity`), and bounds on the executed curve between samples
 (`curve`, `motion_bounds`, `collision_proof`). Where the scene has them, it covers moving obstacles, joint limits
-(`limit_checks`) and path constraints (`path_check`); at the end, what was checked is compared with what the scene asks
-(`coverage`).
+(`limit_checks`) and path constraints (`path_check`); at the end, what was checked is compared with what the scene
+requires (`coverage`).
 Distances are proven *lower bounds* in metres, positive = separated. Two bodies that do not move relative to each other
 (a robot's base and the floor on which it stands) are not compared.
 """
@@ -59,8 +59,7 @@ from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import Number, boolean, checked, instance
 
 if TYPE_CHECKING:
-    from hdplan.planner.certificate.path_check import Departure, PathCheck
-
+    from hdplan.planner.certificate.path_check import Departure
 
 ENDS_KEEP = 0.75  # share of the clearance at start or goal that is required where it is below planner.clearance
 
@@ -139,8 +138,11 @@ class Certifier:
         """Set the fields that depend on the scene's ends."""
         self.setup, self.scene = setup, setup.scene
         self.ends = EndCheck(setup.scene, setup.robot, setup.rates)
-        chain = self.sweep.bodies.chain
-        self.path = None if setup.scene.path == PathConstraints() else _path_check(setup, chain)
+        self.path = None
+        if setup.scene.path != PathConstraints():
+            from hdplan.planner.certificate.path_check import PathCheck
+
+            self.path = PathCheck(setup, self.sweep.bodies.chain)
         self.limits = tuple(limit_checks(setup))
         self._required = required_of(setup.scene, setup.robot)
 
@@ -294,7 +296,7 @@ class Certifier:
         costs = zip(FIELDS, self.sweep.shares(moved, spot).tolist(), strict=True)
         text = ", ".join(f"{1e3 * cost:.3g} mm for {field}" for field, cost in costs if cost)
         whose = " and ".join(self._names(spot.pair))
-        return (f"what is unknown takes {1e3 * spot.unknown:.3g} mm where {whose} are closest: {text}",)
+        return (f"the uncertainty takes {1e3 * spot.unknown:.3g} mm where {whose} are closest: {text}",)
 
     def _check_times(self, curve: Curve) -> None:
         """Raise InputError if the scene needs times and the curve has none."""
@@ -403,9 +405,3 @@ class Certifier:
 @made_once(8)
 def _chain(robot: Robot) -> Chain:
     return Chain.of(robot.model)
-
-
-def _path_check(setup: Setup, chain: Chain) -> PathCheck:
-    from hdplan.planner.certificate.path_check import PathCheck
-
-    return PathCheck(setup, chain)

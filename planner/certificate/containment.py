@@ -32,7 +32,7 @@ ROUNDING_SHARE = 1e-9  # share by which balls around parts are larger, for round
 class Containment:
     """The solids of a scene, prepared for checks at many configurations.
 
-    Each of q queries asks whether a part of the body `inner`, one point of it, is inside the solid of the body `outer`.
+    Each of q queries is whether a part of the body `inner`, one point of it, is inside the solid of the body `outer`.
     """
 
     def __init__(self, bodies: Bodies, pairs: Pairs) -> None:

@@ -26,7 +26,7 @@ class EndCheck:
 
     scene: Scene
     robot: Robot
-    rates: tuple[EndRates | None, EndRates | None] = (None, None)  # at start and goal; None: nobody asks
+    rates: tuple[EndRates | None, EndRates | None] = (None, None)  # at start and goal; None: none required
 
     def misses(self, curve: Curve) -> dict[str, str | None]:
         """Say for each field about the ends how a motion misses it, the start first; None for one that it meets."""

@@ -26,6 +26,7 @@ from hdplan.planner.certificate.hull_volumes import hull_volume, is_convex
 from hdplan.planner.certificate.parts import Parts
 from hdplan.planner.geometry.coal_shapes import convex_hull, corners_of
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh, below
+from hdplan.planner.geometry.rotations import slight_turns
 from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
@@ -238,9 +239,8 @@ def best_direction(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Ar
     rotation_a, origin_a, rotation_b, origin_b = pose_a[:3, :3], pose_a[:3, 3], pose_b[:3, :3], pose_b[:3, 3]
     best, largest = np.array([0.0, 0.0, 1.0]), -np.inf
     for turn in (np.eye(3), *TURNS):
-        (normal,), _ = directions(
-            [(a.shape, transform(rotation_a @ turn, origin_a), b.shape, transform(rotation_b, origin_b))]
-        )
+        here, there = coal.Transform3s(rotation_a @ turn, origin_a), coal.Transform3s(rotation_b, origin_b)
+        (normal,), _ = directions([(a.shape, here, b.shape, there)])
         value = gap(a, rotation_a, origin_a, b, rotation_b, origin_b, normal)
         if value > largest:
             best, largest = normal, value
@@ -254,20 +254,9 @@ def witness_points(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> Array:
     where two triangles meet. Poses are (4, 4).
     """
     result = coal.DistanceResult()
-    coal.distance(
-        a.shape,
-        transform(pose_a[:3, :3], pose_a[:3, 3]),
-        b.shape,
-        transform(pose_b[:3, :3], pose_b[:3, 3]),
-        _REQUEST,
-        result,
-    )
+    here, there = (coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in (pose_a, pose_b))
+    coal.distance(a.shape, here, b.shape, there, _REQUEST, result)
     return np.array([result.getNearestPoint1(), result.getNearestPoint2()])
-
-
-def transform(rotation: Array, origin: Array) -> Any:
-    """Return coal's transform."""
-    return coal.Transform3s(rotation, origin)
 
 
 def box_piece(size: Array) -> Piece:
@@ -311,26 +300,16 @@ def hull_piece(points: Array, surface: Surface | None = None) -> Piece:
     shape = convex_hull(solid)
     if shape is None:
         hull = TriangleMesh.hull(solid)
-        surface, shape = surface or Surface(hull, Solid(hull)), convex_hull(_outermost(solid))
+        surface, shape = surface or Surface(hull, Solid(hull)), convex_hull(outermost(solid))
         return Piece(points, shape, surface=surface)
     corners = np.array(shape.points()) if solid is points else points
     return Piece(corners, shape, surface=surface)
 
 
-def _outermost(points: Array) -> Array:
+def outermost(points: Array) -> Array:
     """Return the points that lie farthest in HULL_VERTICES directions."""
     directions = np.random.default_rng(0).normal(size=(HULL_VERTICES, 3))
     return np.asarray(points[np.unique((directions @ points.T).argmax(axis=1))])
-
-
-def _turns() -> tuple[Array, ...]:
-    rng = np.random.default_rng(0)
-    turns = []
-    for axis in rng.normal(size=(NUDGES, 3)):
-        x, y, z = NUDGE * axis / np.linalg.norm(axis)
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        turns.append(np.eye(3) + np.sin(NUDGE) / NUDGE * cross + (1 - np.cos(NUDGE)) / NUDGE**2 * cross @ cross)
-    return tuple(turns)
 
 
 PIECES: Mapping[type, Callable[..., tuple[Piece, ...]]] = {  # with a shape's own fields: one more is an error
@@ -344,4 +323,4 @@ PIECES: Mapping[type, Callable[..., tuple[Piece, ...]]] = {  # with a shape's ow
 }
 CORNERS = read_only(np.array(list(itertools.product((-0.5, 0.5), repeat=3))))  # of a cube
 _REQUEST = coal.DistanceRequest()
-TURNS = tuple(map(read_only, _turns()))  # slight ones
+TURNS = tuple(read_only(slight_turns(NUDGES, NUDGE)))  # (3, 3) each

@@ -25,7 +25,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance, angles_between, no_greater_angle, spun
+from hdplan.planner.certificate.path_parts import Part, Valued, WithTolerance, angles_between, no_greater_angle, spun
 from hdplan.planner.certificate.pose_curve import PoseCurve
 from hdplan.planner.certificate.verdict import at_most
 from hdplan.planner.motion.curve import Curve

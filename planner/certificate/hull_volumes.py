@@ -15,7 +15,7 @@ VERSION = "1"  # to be changed with anything that changes a hull's volume, so th
 def hull_volume(mesh: TriangleMesh) -> float:
     """Return the volume [m³] of a mesh's convex hull, 0 for a flat one: from the cache, or computed now."""
     key = content_key(VERSION, mesh.vertices.tobytes())
-    known = load("hull_volumes", key, lambda value: float(finite(value)))
+    known = load("hull_volumes", key, lambda value: float(finite(float(value))))
     if known is not None:
         return known
     found = mesh.hull_volume

@@ -14,11 +14,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
+import coal
 import numpy as np
 
 from hdplan.distance.compiled.loops import Record
 from hdplan.planner.certificate import bounds_loop
-from hdplan.planner.certificate.exact_proximity import Piece, transform
+from hdplan.planner.certificate.exact_proximity import Piece
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain, Motion, cross
 from hdplan.scenes.array_types import Array, Mask, Rows
@@ -49,11 +50,7 @@ class Bodies:
     """All bodies of a scene and its robot, as arrays over g bodies."""
 
     def __init__(
-        self,
-        chain: Chain,
-        bodies: Sequence[Body],
-        to_pinocchio: Callable[[Array], Array],
-        sizes: Sizes | None = None,
+        self, chain: Chain, bodies: Sequence[Body], to_pinocchio: Callable[[Array], Array], sizes: Sizes | None = None
     ) -> None:
         """Collect placements and bounds; `to_pinocchio` maps joint values (k, n) to configurations (k, nq). `sizes` are
         those of what is unknown, if anything is."""
@@ -307,7 +304,7 @@ class Intervals:
         """Return one body's placement for coal."""
         known = self.bodies.transforms if row < len(self.bodies.bodies) else self.transforms
         if row not in known:
-            known[row] = transform(self.rotation[row], self.origin[row])
+            known[row] = coal.Transform3s(self.rotation[row], self.origin[row])
         return known[row]
 
     def pose(self, node: int, body: int) -> Array:

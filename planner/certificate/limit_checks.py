@@ -58,19 +58,15 @@ class LimitCheck(Protocol):
     @property
     def limits(self) -> Mapping[str, Array]:
         """The greatest absolute values (n,) by quantity."""
-        ...
 
     def check(self, curve: Curve) -> LimitFinding:
         """Prove the limits along a timed curve, or say where they do not hold."""
-        ...
 
     def values(self, quantity: str, curve: Curve, interval: Rows, fraction: Array) -> Array:
         """Return a quantity (k, n) on intervals (k,) of a timed curve at fractions (k,) of them."""
-        ...
 
     def overload(self, q: Array) -> str | None:
         """Return the limit, in words, that the robot exceeds even at rest at q (n,); None if it exceeds none."""
-        ...
 
 
 def limit_checks(setup: Setup) -> Iterator[LimitCheck]:

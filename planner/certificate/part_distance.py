@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+import coal
 import numpy as np
 
-from hdplan.planner.certificate.exact_proximity import DOUBTFUL_DIFFERENCE, TURNS, Piece, directions, transform
+from hdplan.planner.certificate.exact_proximity import DOUBTFUL_DIFFERENCE, TURNS, Piece, directions
 from hdplan.planner.certificate.parts_loop import Side, Walk
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.scenes.array_types import Array
@@ -66,11 +67,11 @@ class Placed:
         if turn is None and origin is None:
             return shape, self._place
         rotation = self.rotation if turn is None else self.rotation @ turn
-        return shape, transform(rotation, self.origin if origin is None else rotation @ origin + self.origin)
+        return shape, coal.Transform3s(rotation, self.origin if origin is None else rotation @ origin + self.origin)
 
     @cached_property
     def _place(self) -> Any:
-        return transform(self.rotation, self.origin)
+        return coal.Transform3s(self.rotation, self.origin)
 
     def part(self, node: int) -> tuple[Piece, Array]:
         """Return a part as a piece, and its pose (4, 4)."""

@@ -34,127 +34,21 @@ Angles in [rad], distances in [m]. Placements are Pinocchio's.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, assert_never
+from typing import assert_never
 
 import numpy as np
 
+from hdplan.planner.certificate.path_parts import Held, Part, WithTolerance, angles_between, no_greater_angle, spun
 from hdplan.planner.certificate.verdict import at_most, proven_length
-from hdplan.planner.motion.motion_bounds import Chain, Motion, cross
+from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.robot.link_frame import link_frame, relative_links
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import naming
 from hdplan.scenes.once import read_only
 from hdplan.scenes.path_constraints import Follow, PathConstraint, Relative, Upright, Within
 
 UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
-
-
-class Part(NamedTuple):
-    """k parts of a motion."""
-
-    chain: Chain
-    rotations: Array  # (k, joints, 3, 3) at their midpoints
-    origins: Array  # (k, joints, 3)
-    delta: Array  # (k, n) δ
-    off: Array  # (k, n) ε
-    travel: Array  # (n, 2) the range of each coordinate over the whole motion
-
-    @property
-    def axes(self) -> Array:
-        """The joints' axes (k, n, 3) in the world."""
-        return np.asarray(np.einsum("knij,nj->kni", self.rotations[:, 1:], self.chain.axes))
-
-    def reach(self, joint: int, point: Array) -> tuple[Array, Array]:
-        """Return the positions (k, 3) of a point (3,) of a joint's frame, and ρ (k, n)."""
-        place = self.rotations[:, joint] @ point + self.origins[:, joint]
-        everywhere = self.chain.reach(joint, point[None], 0.0, self.travel)
-        where = self.axes, self.origins[:, 1:], np.abs(self.delta) + self.off
-        joints, radii = np.array([joint]), np.zeros(1)
-        return place, self.chain.local_reach(everywhere[None], joints, place[:, None], radii, *where)[:, 0]
-
-    def moved(self, joint: int, point: Array, moves: Mask) -> tuple[Array, Motion]:
-        """Return the positions (k, 3) of a point (3,) of a joint's frame, and its motion by the joints `moves` (n,)."""
-        place, reach = self.reach(joint, point)
-        delta, off = self.delta * moves, self.off * moves
-        return place, Motion.of(self.chain, delta, off, self.axes, self.origins[:, 1:], reach)
-
-
-class Stated(Protocol):
-    """A constraint in the scene's words."""
-
-    @property
-    def field(self) -> str:
-        """Name of the scene's field."""
-        ...
-
-    @property
-    def link(self) -> str:
-        """The link of the constraint."""
-        ...
-
-    @property
-    def allowed(self) -> float:
-        """Greatest value allowed [rad], [m], [m/s] or [m/s²]."""
-        ...
-
-    @property
-    def scale(self) -> float:
-        """The scale of its values, in their unit, of which a share is accepted as slack."""
-        ...
-
-    def broken(self, found: float) -> str:
-        """Return a message on a value where it is violated."""
-        ...
-
-    def kept(self, worst: float) -> str:
-        """Return a message on the upper bound proven over the whole motion."""
-        ...
-
-
-class Valued(Protocol):
-    """Values of a constraint on parts of a motion."""
-
-    def found(self, rotations: Array, origins: Array) -> Array:
-        """Return its value (k,) at k configurations, exact up to rounding."""
-        ...
-
-    def bound(self, part: Part, found: Array) -> Array:
-        """Return an upper bound (k,) of its value on parts of the motion; at their midpoints it is `found` (k,)."""
-        ...
-
-
-class Held(Stated, Valued, Protocol):
-    """A constraint that is the same at every instant."""
-
-
-class HeldAlong(Stated, Protocol):
-    """A constraint that changes with time along one motion."""
-
-    @property
-    def spans(self) -> tuple[Rows, Array, Array]:
-        """Parts of the motion to begin with, which cover it in order: interval, start and width (k,)."""
-        ...
-
-    def on(self, interval: Rows, start: Array, width: Array) -> Valued:
-        """Return its form on parts of the motion."""
-        ...
-
-
-def between_rows(intervals: int) -> tuple[Rows, Array, Array]:
-    """Return all intervals between rows as parts of a motion: interval, start and width (k,)."""
-    return np.arange(intervals), np.zeros(intervals), np.ones(intervals)
-
-
-class WithTolerance:
-    """A constraint whose values are measured against its tolerance."""
-
-    allowed: float
-
-    @property
-    def scale(self) -> float:
-        """The tolerance."""
-        return self.allowed
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,18 +208,6 @@ class HeldTurn(WithTolerance):
         return f"{self.link} turned within {at_most(worst)} of {self.allowed:g} rad against {self.to}"
 
 
-def angles_between(one: Array, other: Array) -> Array:
-    """Return the angles (k,) between rotations (k, 3, 3), exact near 0 and π too."""
-    between = one.transpose(0, 2, 1) @ other
-    sine = 0.5 * np.linalg.norm([between[:, i, j] - between[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=0)
-    return np.asarray(np.arctan2(sine, 0.5 * (np.trace(between, axis1=1, axis2=2) - 1.0)))
-
-
-def spun(omega: Array, rotations: Array) -> Array:
-    """Return [ω]× R (k, 3, 3)."""
-    return cross(omega[:, None], rotations.transpose(0, 2, 1)).transpose(0, 2, 1)
-
-
 def held_by(setup: Setup) -> tuple[Held, ...]:
     """Return the requirements of the scene's path constraints. Raises InputError for a link that the robot lacks or
     that does not move."""
@@ -334,49 +216,31 @@ def held_by(setup: Setup) -> tuple[Held, ...]:
 
 
 def _held(setup: Setup, constraint: PathConstraint) -> tuple[Held, ...]:
+    robot = setup.robot
     match constraint:
         case Upright():
-            return _upright(setup, constraint)
+            frame = robot.model.frames[link_frame(robot, constraint.link, "path.upright")]
+            axis = frame.placement.rotation @ (np.array(constraint.axis) / np.linalg.norm(constraint.axis))
+            return (HeldUpright(constraint.link, int(frame.parentJoint), axis, constraint.tolerance),)
         case Within():
-            return _within(setup, constraint)
+            frame = robot.model.frames[link_frame(robot, constraint.link, "path.position")]
+            point, half = frame.placement.act(np.array(constraint.point)), 0.5 * np.array(constraint.size)
+            return (HeldWithin(constraint.link, int(frame.parentJoint), point, constraint.pose.matrix, half),)
         case Relative():
-            return _relative(setup, constraint)
+            joints, (own, other), pose = relative_links(setup.scene, robot, constraint)
+            wanted = other @ pose
+            places, turns = (own[:3, 3], wanted[:3, 3]), (own[:3, :3], wanted[:3, :3])
+            return (
+                HeldAt(constraint.link, constraint.to, joints, places, constraint.position_tolerance),
+                HeldTurn(constraint.link, constraint.to, joints, turns, constraint.orientation_tolerance),
+            )
         case Follow():
             return ()  # which is about a whole motion, not a configuration: `followed_curve`
         case _:
             assert_never(constraint)
 
 
-def _upright(setup: Setup, constraint: Upright) -> tuple[Held, ...]:
-    frame = setup.robot.model.frames[link_frame(setup.robot, constraint.link, "path.upright")]
-    axis = np.array(constraint.axis) / np.linalg.norm(constraint.axis)
-    return (
-        HeldUpright(constraint.link, int(frame.parentJoint), frame.placement.rotation @ axis, constraint.tolerance),
-    )
-
-
-def _within(setup: Setup, constraint: Within) -> tuple[Held, ...]:
-    frame = setup.robot.model.frames[link_frame(setup.robot, constraint.link, "path.position")]
-    point, half = frame.placement.act(np.array(constraint.point)), 0.5 * np.array(constraint.size)
-    return (HeldWithin(constraint.link, int(frame.parentJoint), point, constraint.pose.matrix, half),)
-
-
-def _relative(setup: Setup, constraint: Relative) -> tuple[Held, ...]:
-    joints, (own, other), pose = relative_links(setup.scene, setup.robot, constraint)
-    wanted = other @ pose
-    places, turns = (own[:3, 3], wanted[:3, 3]), (own[:3, :3], wanted[:3, :3])
-    return (
-        HeldAt(constraint.link, constraint.to, joints, places, constraint.position_tolerance),
-        HeldTurn(constraint.link, constraint.to, joints, turns, constraint.orientation_tolerance),
-    )
-
-
 def _apart(chain: Chain, joints: tuple[int, int]) -> tuple[Mask, Mask]:
     """Coordinates (n,) that move the first of two joints' frames and not the other, and the other way round."""
     first, second = (chain.carried_by[joint] for joint in joints)
     return first & ~second, second & ~first
-
-
-def no_greater_angle(chord: Array, coarse: Array) -> Array:
-    """The smaller of two bounds (k,) of angles: of a chord of the unit circle that is no longer, and a coarse one."""
-    return np.asarray(np.minimum(2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)), coarse))

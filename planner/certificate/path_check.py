@@ -14,7 +14,8 @@ import numpy as np
 
 from hdplan.planner.certificate import tool_rates
 from hdplan.planner.certificate.followed_curve import NODES, Followed, NearEnd, OnCurve, TurnedAlong
-from hdplan.planner.certificate.path_bounds import HeldAlong, Part, Stated, Valued, between_rows, held_by
+from hdplan.planner.certificate.path_bounds import held_by
+from hdplan.planner.certificate.path_parts import HeldAlong, Part, Stated, Valued, between_rows
 from hdplan.planner.certificate.pose_curve import PoseCurve
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
@@ -130,11 +131,7 @@ class PathCheck:
                 yield tool_rates.ToolRate.of(self.robot, self.chain, self.follow, motion, order, followed.rated)
 
     def _prove(
-        self,
-        held: Stated,
-        spans: tuple[Rows, Array, Array],
-        on: Callable[[Rows, Array, Array], Valued],
-        curve: Curve,
+        self, held: Stated, spans: tuple[Rows, Array, Array], on: Callable[[Rows, Array, Array], Valued], curve: Curve
     ) -> tuple[Kept, list[Departure], int]:
         """Prove one constraint, beginning with these parts of the motion; `on` is its form on parts."""
         intervals, configurations = len(curve) - 1, 0

@@ -36,8 +36,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
 ROUNDING = 1e-9  # [m] subtracted from every bound
-UNIT = 2.0**-53
-TERM_SHARE = 0.25 * ROUNDING  # [m] that each of the four terms may cost
+MOST_TERM = 0.25 * ROUNDING / 2.0**-53  # [m] that each of the four terms, times u, may come to
 PLACING, JOINTS, MOTION, TIME = 64.0, 64.0, 16.0, 16.0  # their factors
 
 
@@ -58,9 +57,9 @@ def refuse_large_motion(bodies: Bodies, fields: Sequence[str], curve: Curve, joi
         _refuse_late(bodies, fields, latest)
         coordinates = _refuse_far(bodies, fields, largest, latest)
     costs = JOINTS * bodies.reach(curve).max(axis=0, initial=0.0) * largest
-    if not costs.sum() <= TERM_SHARE / UNIT:
+    if not costs.sum() <= MOST_TERM:
         joint = int(costs.argmax())
-        allowed = largest[joint] * (TERM_SHARE / UNIT) / costs.sum()
+        allowed = largest[joint] * MOST_TERM / costs.sum()
         row = int(np.abs(curve.control[:, :, joint]).max(axis=1).argmax())
         raise InputError(
             f"trajectory: after waypoint {row}, joint '{joint_names[joint]}' is at {largest[joint]:g}, where the place "
@@ -68,7 +67,7 @@ def refuse_large_motion(bodies: Bodies, fields: Sequence[str], curve: Curve, joi
         )
     step = 0.5 * np.abs(np.diff(curve.control, axis=1)).sum(axis=1).max(axis=0)  # (n,) upper bound of |δ|
     reach = coordinates[bodies.joint > 0].max(initial=0.0)
-    if not MOTION * reach * (step * bodies.chain.revolute).sum() <= TERM_SHARE / UNIT:
+    if not MOTION * reach * (step * bodies.chain.revolute).sum() <= MOST_TERM:
         joint = int((step * bodies.chain.revolute).argmax())
         raise InputError(
             f"trajectory: joint '{joint_names[joint]}' turns by {2 * step[joint]:g} rad between two waypoints, up to "
@@ -81,11 +80,11 @@ def _refuse_late(bodies: Bodies, fields: Sequence[str], latest: float) -> None:
     for g in np.flatnonzero(bodies.drifting).tolist():
         speed, anchored = bodies.speed(g), bodies.latest(g)
         time = max(latest, anchored)
-        if not TIME * speed * time <= TERM_SHARE / UNIT:
+        if not TIME * speed * time <= MOST_TERM:
             where = "trajectory: times" if latest >= anchored else fields[g]
             raise InputError(
                 f"{where}: {time:g} s: {fields[g]} moves at up to {speed:.3g} m/s, so its place is lost in rounding "
-                f"then; at most {TERM_SHARE / UNIT / TIME / speed:.3g} s are allowed"
+                f"then; at most {MOST_TERM / TIME / speed:.3g} s are allowed"
             )
 
 
@@ -94,12 +93,12 @@ def _refuse_far(bodies: Bodies, fields: Sequence[str], largest: Array, latest: f
     return the coordinates M (g,) [m]."""
     moves = bodies.chain.carried_by[bodies.joint].sum(axis=1) + 1
     coordinates = _coordinates(bodies, largest, latest)
-    far = ~(PLACING * moves * coordinates <= TERM_SHARE / UNIT)
+    far = ~(PLACING * moves * coordinates <= MOST_TERM)
     if far.any():
         g = int(far.argmax())
         raise InputError(
             f"{fields[g]}: up to {coordinates[g]:g} m from the world's origin, where its place is lost in rounding; "
-            f"at most {TERM_SHARE / UNIT / PLACING / moves[g]:.3g} m are allowed"
+            f"at most {MOST_TERM / PLACING / moves[g]:.3g} m are allowed"
         )
     return coordinates
 

@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from hdplan.planner.certificate.limit_checks import ROUNDING_JUMP
-from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance
+from hdplan.planner.certificate.path_parts import Part, Valued, WithTolerance
 from hdplan.planner.certificate.rate_check import slope_of_steps
 from hdplan.planner.certificate.verdict import at_most
 from hdplan.planner.motion.curve import Curve

@@ -63,17 +63,13 @@ class Place:
     link: str
     other: str  # an obstacle or another link
     distance: float  # [m] found there, negative in contact (minus the depth, 0 if unknown)
-    unknown: float = (
-        0.0  # [m] the part that the scene's uncertainties take: nominally the two are this much farther apart
-    )
+    unknown: float = 0.0  # [m] taken off for the scene's uncertainties: nominally the two are so much farther apart
 
     @property
     def words(self) -> str:
         """The distance, such as "3.2 mm", and what is unknown of it."""
-        found = f"{self.distance * 1e3:.3g} mm"
-        return (
-            f"{found} ({(self.distance + self.unknown) * 1e3:.3g} mm less what is unknown)" if self.unknown else found
-        )
+        less = f" ({(self.distance + self.unknown) * 1e3:.3g} mm less the uncertainty)" if self.unknown else ""
+        return f"{self.distance * 1e3:.3g} mm{less}"
 
 
 class ProofFile(Protocol):
@@ -98,20 +94,20 @@ class Certificate:
     status: Status
     text: str  # one sentence: what was found, where, and what to do
     clearance: float | None  # [m] proven lower bound, robot to obstacles; None without obstacles or without proof
-    self_clearance: float | None  # [m] the same between the links
+    self_clearance: float | None  # [m] proven lower bound between links; None without proof
     worst: Place | None  # the closest place found between robot and obstacles
-    self_worst: Place | None  # the same between the links
+    self_worst: Place | None  # the closest place found between links
     failures: tuple[Place, ...]  # every waypoint interval and pair that is not proven, with the worst place found there
-    uses: tuple[Use, ...]  # of the limits on rates and torques, if the scene has any
+    uses: tuple[Use, ...]  # shares of the limits on rates and torques that the motion takes
     path: tuple[Kept, ...]  # how well the scene's path constraints are kept, if it has any
     departures: tuple[Departure, ...]  # every waypoint interval and path constraint that is not proven
     overloaded: tuple[int, ...]  # every waypoint interval in which gravity alone overloads a joint
-    configurations: int  # at which distances were computed
-    exact_calls: int  # of the exact distance
-    seconds: float  # spent
+    configurations: int  # number of configurations at which distances were computed
+    exact_calls: int  # number of calls of the exact distance
+    seconds: float  # time of the check [s]
     required: float  # [m] of clearance, to obstacles without one of their own
-    notes: tuple[str, ...] = ()  # on less clearance than requested, holes in meshes, masses and points left out
-    prover: Callable[[], ProofFile] | None = field(default=None, repr=False, compare=False)  # of a planned motion
+    notes: tuple[str, ...] = ()  # notes on reduced clearance, holes in meshes, masses and points left out
+    prover: Callable[[], ProofFile] | None = field(default=None, repr=False, compare=False)  # of a motion's proof
 
     @property
     def proof(self) -> ProofFile:

@@ -91,7 +91,7 @@ class BodyPairs:
 
     def close_between(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
         """Close pairs on intervals between the configurations, (S,) intervals ascending, by a ball around a link body
-        at both ends of each. Misses no D < 0 between the hull of the two and a standing body."""
+        at both ends of each. Misses no D < 0 between the hull of the two and a static body."""
         centres = _placed(kinematics, self._body_joints, self.centres)
         half = np.linalg.norm(np.diff(centres, axis=1), axis=2).max(axis=1, initial=0.0) / 2
         reach, centres = self.widest * (self.radii + half), (centres[:, 1:] + centres[:, :-1]) / 2
@@ -140,7 +140,7 @@ class BodyPairs:
 
     @cached_property
     def _standing(self) -> tuple[Rows, Rows, Rows]:
-        """The pairs with a standing body: rows, link bodies, boxes."""
+        """The pairs with a static body: rows, link bodies, boxes."""
         pair = np.flatnonzero(self.joint_b == 0)
         return pair, self.body[pair], self.halfspace_body[pair]
 
@@ -211,7 +211,7 @@ def body_pairs(
     margin: ArrayLike,
     supports: Mask,
 ) -> BodyPairs:
-    """Lay out pairs (P, 2), indices of link body and halfspace body, as tables; `margin` [m] enlarges the halfspace
+    """Assemble pairs (P, 2), indices of link body and halfspace body, as tables; `margin` [m] enlarges the halfspace
     bodies.
 
     margin: one for all halfspace bodies, or one for each (B,).

@@ -109,16 +109,9 @@ static double spread(const link_body* body, const halfspaces* planes, const proj
 }
 
 double project(const double* a, const double* b, const link_body* body, const halfspaces* planes, projection* found) {
-  double turn[9], apart[3], shift[3]; /* from frame a to frame b */
-  difference(a + 9, b + 9, apart);
-  turned_back(b, apart, shift);
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) turn[3 * i + j] = b[i] * a[j] + b[3 + i] * a[3 + j] + b[6 + i] * a[6 + j];
-  for (long long i = 0; i < body->slots; ++i) {
-    double* point = found->points + 3 * i;
-    turned(turn, body->vertices + 3 * i, point);
-    for (int j = 0; j < 3; ++j) point[j] += shift[j];
-  }
+  double seen[12];
+  seen_from(b, a, seen);
+  for (long long i = 0; i < body->slots; ++i) placed(seen, body->vertices + 3 * i, found->points + 3 * i);
   return spread(body, planes, found);
 }
 

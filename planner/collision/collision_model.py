@@ -136,7 +136,7 @@ def _often_overlapping(
 
     rows, names = [(i, j) for i, j, _, _ in pairs], [(a, b) for _, _, a, b in pairs]
     key = content_key(VERSION, *content_of(robot, bodies, rows), *(name for pair in names for name in pair))
-    known = known_result("overlaps", key, lambda value: tuple((a, b) for a, b in value))
+    known = known_result("overlaps", key, lambda value: tuple(names[names.index((a, b))] for a, b in value))
     if known is not None:
         return known
     assembled = body_pairs(bodies, planes, rows, 0.0, kinematics.supports)

@@ -30,6 +30,7 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.collision.pieces import Pieces
+from hdplan.planner.geometry.rotations import slight_turns
 from hdplan.planner.geometry.shape_table import Outline, operations
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Rows
@@ -39,7 +40,7 @@ from hdplan.scenes.shapes import Shape
 # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
 DOUBTFUL_DIFFERENCE = 1e-6
 NUDGE = 1e-5  # [rad] by which A is turned for another query: enough to break an exactly parallel contact
-NUDGES = 3
+TURNS = read_only(slight_turns(3, NUDGE))
 REQUEST = coal.DistanceRequest()
 REQUEST.gjk_tolerance = REQUEST.epa_tolerance = 1e-8
 
@@ -102,9 +103,9 @@ class FclPairs(PairDistance):
     def _ask_again(self, a: int, b: int, turn: Array, shift: Array) -> tuple[float, Array, Array]:
         """Return the largest gap of one pair among the normals that turned poses and the centres give, the normal, and
         the point of A that is nearest along it."""
-        count = 1 + NUDGES
+        count = 1 + len(TURNS)
         many_a, many_b, shifts = np.full(count, a), np.full(count, b), np.tile(shift, (count, 1))
-        _, normals, _ = self._ask(many_a[1:], many_b[1:], turn @ _turns(), shifts[1:])
+        _, normals, _ = self._ask(many_a[1:], many_b[1:], turn @ TURNS, shifts[1:])
         corners = self.first[a].vertices @ turn.T + shift
         centres = corners.mean(axis=0) - self.second[b].centre
         length = float(np.linalg.norm(centres))
@@ -205,13 +206,3 @@ def _swept(body: ConvexBody) -> _Swept:
     shape = coal_hull(body)
     shape.setSweptSphereRadius(body.radius)
     return _Swept(shape, body.vertices, body.radius)
-
-
-@functools.cache
-def _turns() -> Array:
-    """Small turns (NUDGES, 3, 3) about axes drawn at random."""
-    turns = []
-    for x, y, z in np.random.default_rng(0).normal(size=(NUDGES, 3)):
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) / np.sqrt(x * x + y * y + z * z)
-        turns.append(np.eye(3) + np.sin(NUDGE) * cross + (1 - np.cos(NUDGE)) * cross @ cross)
-    return read_only(np.array(turns))

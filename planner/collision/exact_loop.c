@@ -24,15 +24,12 @@ typedef struct {
 
 static void place_solids(const solids* of, const tables* pairs, long long pair, const double* frames, placed_solids* found) {
   const long long body = pairs->body[pair], other = of->bodies + pairs->box[pair];
-  double at_a[12], apart[3], *b = found->at_b, *seen = found->seen;
+  double at_a[12];
   found->first = solid_of(of, body);
   found->second = solid_of(of, other);
   composed(frames + 12 * pairs->joint_a[pair], of->places + 12 * body, at_a);
-  composed(frames + 12 * pairs->joint_b[pair], of->places + 12 * other, b);
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) seen[3 * i + j] = b[i] * at_a[j] + b[3 + i] * at_a[3 + j] + b[6 + i] * at_a[6 + j];
-  difference(at_a + 9, b + 9, apart);
-  turned_back(b, apart, seen + 9);
+  composed(frames + 12 * pairs->joint_b[pair], of->places + 12 * other, found->at_b);
+  seen_from(found->at_b, at_a, found->seen);
 }
 
 double gap(const solids* of, const tables* pairs, long long pair, const double* frames, double near, double far,

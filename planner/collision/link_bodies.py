@@ -29,6 +29,7 @@ from hdplan.planner.collision.shipped_bodies import shipped_bodies
 from hdplan.planner.collision.sphere_swept_fit import MARGIN, Swept
 from hdplan.planner.collision.standing_out import outside
 from hdplan.planner.geometry.coal_shapes import corners_of
+from hdplan.planner.geometry.division import halved
 from hdplan.planner.geometry.shape_table import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
@@ -130,15 +131,6 @@ def contains(bodies: tuple[Swept, ...], triangles: Array) -> bool:
     return False
 
 
-def halved(triangles: Array) -> Array:
-    """Return both halves of triangles (T, 3, 3), cut across their longest sides: (2 T, 3, 3)."""
-    sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
-    turn = (sides.argmax(1)[:, None] + np.arange(3)) % 3
-    a, b, c = (triangles[np.arange(len(triangles)), turn[:, k]] for k in range(3))
-    middle = (a + b) / 2
-    return np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
-
-
 # --- fitting ----------------------------------------------------------------------------------------------------------
 
 
@@ -151,11 +143,7 @@ def enclosed(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Swept, 
         return shipped
     key = content_key(FIT_VERSION, geometry, content)
     with _fitting:  # whoever waited finds what the other has stored
-        known = load(
-            "link_bodies",
-            key,
-            lambda value: tuple(Swept(finite(each).reshape(-1, 3), float(finite(radius))) for each, radius in value),
-        )
+        known = load("link_bodies", key, _kept)
         if known is not None:
             return known
         tell(f"fitting bodies to {link}, link {robot.links.index(link) + 1} of {len(robot.links)} of {robot.name}")
@@ -163,6 +151,11 @@ def enclosed(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Swept, 
             bodies = _around(link_triangles(robot, link), geometry)
         store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
         return bodies
+
+
+def _kept(value: Any) -> tuple[Swept, ...] | None:
+    """Return the bodies of an entry, at least one."""
+    return tuple(Swept(finite(each).reshape(-1, 3), float(finite(radius))) for each, radius in value) or None
 
 
 def link_key(robot: Robot, link: str) -> str:

@@ -31,17 +31,7 @@ TELLING_VERTICES = 4  # vertices of a body from which on it tells how tight othe
 NEAR_LEAST = 1.15
 OUTLINE_CORNERS = 400  # corners of the hull from which how far bodies stand out is measured
 REACH = 0.06  # how far a slab's body may reach into neighbouring slabs at no cost [m]
-CANDIDATES = (
-    (1, 2),
-    (1, 3),
-    (1, 4),
-    (2, 3),
-    (2, 4),
-    (1, 6),
-    (3, 4),
-    (2, 6),
-    (3, 6),
-)  # (slabs, vertices), cheapest first
+CANDIDATES = ((1, 2), (1, 3), (1, 4), (2, 3), (2, 4), (1, 6), (3, 4), (2, 6), (3, 6))  # slabs, vertices; cheapest first
 
 
 def fitted(triangles: Array, candidates: tuple[tuple[int, int], ...] = CANDIDATES) -> tuple[Swept, ...]:

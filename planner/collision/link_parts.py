@@ -7,13 +7,16 @@ bodies do, and each lies in its body.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from hdplan.distance.compiled.cache import content_key, finite, load, store
 from hdplan.planner.collision.hull_distance import distance_to_hull
-from hdplan.planner.collision.link_bodies import enclosed, halved, in_joint, link_key, link_triangles
+from hdplan.planner.collision.link_bodies import enclosed, in_joint, link_key, link_triangles
 from hdplan.planner.collision.link_fit import hull_points
 from hdplan.planner.collision.sphere_swept_fit import Swept
+from hdplan.planner.geometry.division import halved
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.lazy_imports import scipy
@@ -28,11 +31,18 @@ def link_parts(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Array
     bodies = enclosed(robot, link, geometry)
     numbers = [number for body in bodies for number in (body.vertices.tobytes(), repr(body.radius))]
     key = content_key(VERSION, link_key(robot, link), *numbers)
-    parts = load("link_parts", key, lambda value: [finite(part).reshape(-1, 3) for part in value])
+    parts = load("link_parts", key, lambda value: _kept(value, len(bodies)))
     if parts is None:
         parts = _parts(bodies, link_triangles(robot, link))
         store("link_parts", key, [part.tolist() for part in parts])
     return tuple(in_joint(robot, link, part) for part in parts)
+
+
+def _kept(value: Any, count: int) -> list[Array]:
+    """Return the parts of an entry: `count`, or none."""
+    if len(value) not in (0, count):
+        raise ValueError("of another link")
+    return [finite(part).reshape(-1, 3) for part in value]
 
 
 def _parts(bodies: tuple[Swept, ...], triangles: Array) -> list[Array]:

@@ -28,13 +28,11 @@ class PairDistance(Protocol):
     @property
     def how(self) -> str:
         """The backend's name, for the user."""
-        ...
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return, for S pairs (rows of the term's pairs) at samples, less the margin: the distance D (S,) [m] whose
         hinge is taken; its derivative under a motion of the first body, as a wrench (S, 6), force and torque about the
         world's origin; and a lower bound of the true distance (S,) [m]."""
-        ...
 
     def with_hessian(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6), and its second derivatives (S, 6, 6) by the same motion exp(ξ), ξ = [v,

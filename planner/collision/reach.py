@@ -22,7 +22,7 @@ class Reach(ReadOnly):
     radius: float  # [m]
 
     def meets(self, boxes: Array, half_sizes: Array) -> Mask:
-        """For each box (B, 4, 4) with these half sizes (B, 3) [m], such as that of a standing body enlarged by its
+        """For each box (B, 4, 4) with these half sizes (B, 3) [m], such as that of a static body enlarged by its
         margin, whether the ball touches it; if not, the pair can be left out."""
         return np.asarray(self.gaps(boxes, half_sizes) <= self.radius)
 

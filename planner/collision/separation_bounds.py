@@ -45,7 +45,7 @@ from hdplan.planner.robot.content import Parts, tree_content
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask, Rows
 
-VERSION = "3"  # to be changed with anything that changes a bound, so that old cache entries are not used
+VERSION = "4"  # to be changed with anything that changes a bound, so that old cache entries are not used
 MOST_BOXES, BUDGET = 4000, 300_000  # boxes evaluated for a pair, and for all pairs of a robot
 BATCH = 64  # of them halved at once
 BOUND_ROUNDING = 1e-6  # [m] subtracted from a bound for rounding errors
@@ -172,8 +172,6 @@ def content_of(robot: Robot, bodies: Sequence[LinkBody], pairs: Sequence[tuple[i
         parts += [robot.linkage.matrix.tobytes(), robot.linkage.offset.tobytes()]
     for index in sorted({index for pair in pairs for index in pair}):
         body = bodies[index]
-        vertices = (
-            np.round(body.body.vertices, 9) + 0.0
-        )  # machines differ in the last digits: far less than BOUND_ROUNDING
+        vertices = np.round(body.body.vertices, 9) + 0.0  # machines differ in later digits: less than BOUND_ROUNDING
         parts += [str(index), str(body.joint), vertices.tobytes(), np.float64(body.body.radius).tobytes()]
     return [*parts, np.array(pairs).tobytes()]

@@ -1,122 +1,22 @@
 /* The search of `separation_bounds.py` for one pair: best box first, each halved alone.
 
-   The normal between the bodies is that of GJK (E. G. Gilbert, D. W. Johnson, S. S. Keerthi, 1988) on their vertices.
-   Its distance only decides which boxes are worth halving: the bound holds along any unit normal. */
+   The normal between the bodies is that of `gjk.c` on their vertices. Its distance only decides which boxes are worth
+   halving: the bound holds along any unit normal. */
 
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"
 #include "../kinematics/forward_loop.h"
+#include "gjk.h"
 
 #define PI 3.14159265358979323846
 
-/* Vertices (count, 3), in the frame of a joint or in the world. */
+/* Vertices (count, 3), in the frame of a joint or in the world; and the same in the joint's frame, as `gjk.c` has them. */
 typedef struct {
   long long joint, count;
   const double* vertices;
+  double* rows;
+  solid body;
 } hull;
-
-static double smaller(double a, double b) { return a < b ? a : b; }
-
-static void copy(const double* from, double* to) {
-  for (int i = 0; i < 3; ++i) to[i] = from[i];
-}
-
-/* --- the normal ------------------------------------------------------------------------------------------------- */
-
-/* The weights of p_1 … p_m−1, in the last column of g, for which v = p_0 + Σ w_i e_i, e_i = p_i − p_0, is orthogonal to
-   all e_i: Gauss-Jordan on the Gram matrix, which needs no pivots. Returns 0 where the e_i are not independent. */
-static int weigh(long long m, double e[3][3], const double* first, double g[3][4]) {
-  for (long long i = 0; i + 1 < m; ++i) {
-    for (long long j = 0; j + 1 < m; ++j) g[i][j] = dot(e[i], e[j]);
-    g[i][m - 1] = -dot(e[i], first);
-  }
-  for (long long i = 0; i + 1 < m; ++i) {
-    if (!(g[i][i] > 1e-14 * dot(e[i], e[i]))) return 0;
-    for (long long row = 0; row + 1 < m; ++row) {
-      const double factor = g[row][i] / g[i][i];
-      for (long long column = i; row != i && column < m; ++column) g[row][column] -= factor * g[i][column];
-    }
-  }
-  for (long long i = 0; i + 1 < m; ++i) g[i][m - 1] /= g[i][i];
-  return 1;
-}
-
-/* The point of least norm of the plane through m points; whether it is inside of them. */
-static int foot(long long m, const double* const* points, double* found) {
-  double e[3][3], g[3][4], rest = 1.0;
-  int inside = 1;
-  for (long long i = 0; i + 1 < m; ++i) difference(points[i + 1], points[0], e[i]);
-  if (!weigh(m, e, points[0], g)) return 0;
-  copy(points[0], found);
-  for (long long i = 0; i + 1 < m; ++i) {
-    const double weight = g[i][m - 1];
-    rest -= weight;
-    inside = inside && weight > 0.0;
-    for (int j = 0; j < 3; ++j) found[j] += weight * e[i][j];
-  }
-  return inside && rest > 0.0;
-}
-
-/* The point v of least norm of the hull of 1 to 4 points, by trying every face of it; keeps the points of that face. */
-static void nearest(double points[4][3], int* count, double* v) {
-  double best = INFINITY, kept[4][3];
-  int size = 0;
-  for (int mask = 1; mask < 1 << *count; ++mask) {
-    const double* face[4];
-    double found[3];
-    int m = 0;
-    for (int i = 0; i < *count; ++i)
-      if (mask >> i & 1) face[m++] = points[i];
-    if (!foot(m, face, found) || !(dot(found, found) < best)) continue;
-    best = dot(found, found);
-    size = m;
-    for (int i = 0; i < m; ++i) copy(face[i], kept[i]);
-    copy(found, v);
-  }
-  for (int i = 0; i < size; ++i) copy(kept[i], points[i]);
-  *count = size;
-}
-
-/* The vertex with the least v·x, or −v·x. */
-static const double* support(const hull* body, const double* v, double sign, double* least) {
-  const double* found = body->vertices;
-  *least = INFINITY;
-  for (long long i = 0; i < body->count; ++i) {
-    const double value = sign * dot(v, body->vertices + 3 * i);
-    if (value < *least) {
-      *least = value;
-      found = body->vertices + 3 * i;
-    }
-  }
-  return found;
-}
-
-static int is_among(int count, double points[4][3], const double* point) {
-  for (int i = 0; i < count; ++i)
-    if (point[0] == points[i][0] && point[1] == points[i][1] && point[2] == points[i][2]) return 1;
-  return 0;
-}
-
-/* About the distance of two hulls in the world, 0 where they meet, and the unit normal from b to a, if they do not. */
-static double apart(const hull* a, const hull* b, double* normal) {
-  double points[4][3], v[3];
-  int count = 0;
-  difference(a->vertices, b->vertices, v);
-  for (int round = 0; round < 50; ++round) {
-    const double square = dot(v, v);
-    double low, high, between[3];
-    if (square < 1e-18) return 0.0;
-    difference(support(a, v, 1.0, &low), support(b, v, -1.0, &high), between);
-    if (round && square - (low + high) <= 1e-10 * square) break;
-    if (is_among(count, points, between)) break;
-    copy(between, points[count++]);
-    nearest(points, &count, v);
-    if (count == 4) return 0.0;
-  }
-  const double length = norm(v);
-  for (int j = 0; j < 3; ++j) normal[j] = v[j] / length;
-  return length;
-}
 
 /* --- the bound over a box --------------------------------------------------------------------------------------- */
 
@@ -139,12 +39,12 @@ static double shift(const double* column, double h, const double* n, const doubl
   const double speed = norm(rate), along = fabs(dot(n, rate));
   const int turns = dot(turning, turning) > 0.25;
   const double chord = turns ? 2.0 * sin((h < PI ? h : PI) / 2.0) : h;
-  double bend = chord * smaller(*before, 2.0);
+  double bend = chord * least_of(*before, 2.0);
   if (turns) {
     bend = 0.5 * h * h + bend;
     *before += h;
   }
-  return smaller(chord * speed, h * along + bend * speed);
+  return least_of(chord * speed, h * along + bend * speed);
 }
 
 /* The least of n·v − Σ e_j(v) over a body's vertices in the world, n = sign · normal; that vertex' e_j go to `shifts`,
@@ -178,20 +78,39 @@ typedef struct {
   double least; /* distance at a centre so far */
 } search;
 
+/* The solid of a hull: rows of all x, y and z, whose rest repeats the first vertex. */
+static void make_solid(hull* of) {
+  const long long width = (of->count + 7) / 8 * 8;
+  for (long long k = 0; k < width; ++k)
+    for (int i = 0; i < 3; ++i) of->rows[i * width + k] = of->vertices[3 * (k < of->count ? k : 0) + i];
+  of->body = (solid){.width = width, .rows = of->rows};
+}
+
+/* About the distance of the two bodies without their balls, negative where they meet, and a unit vector, from b to a
+   where they do not. */
+static double apart(const search* of, double* normal) {
+  const double *a = of->placements + 12 * of->a.joint, *b = of->placements + 12 * of->b.joint;
+  double seen[12], local[3] = {1.0, 0.0, 0.0};
+  seen_from(b, a, seen);
+  const double distance = gap_of(&(two_solids){&of->a.body, &of->b.body, seen}, -INFINITY, INFINITY, local);
+  turned(b, local, normal);
+  return distance;
+}
+
 static hull place(const hull* body, const double* placements, double* vertices) {
   for (long long i = 0; i < body->count; ++i)
     placed(placements + 12 * body->joint, body->vertices + 3 * i, vertices + 3 * i);
-  return (hull){0, body->count, vertices};
+  return (hull){.count = body->count, .vertices = vertices};
 }
 
 /* The bound over the box (centre, half), and the coordinate that contributes most to its looseness. */
 static double look(search* of, const double* centre, const double* half, long long* widest) {
   const long long n = of->arm->n;
   const ranges over = {n, of->moves, half, of->columns};
-  double normal[3] = {1.0, 0.0, 0.0};
+  double normal[3];
   forward(of->arm, 1, centre, of->placements, of->columns);
   const hull a = place(&of->a, of->placements, of->at_a), b = place(&of->b, of->placements, of->at_b);
-  const double distance = apart(&a, &b, normal) - of->radii;
+  const double distance = apart(of, normal) - of->radii;
   if (distance < of->least) of->least = distance;
   for (long long j = 0; j < n; ++j) of->shifts[j] = 0.0;
   const double above = lowest(&over, &a, normal, 1.0, of->trial, of->shifts);
@@ -264,6 +183,8 @@ static double separation(search* of, double wanted, double tight, long long most
   const long long n = of->arm->n;
   double *first = boxes->boxes, *other = halves + boxes->row;
   long long widest[2];
+  make_solid(&of->a);
+  make_solid(&of->b);
   for (long long j = 0; j < n; ++j) {
     first[j] = 0.5 * (of->low[j] + of->high[j]);
     first[n + j] = of->moves[j] != 0.0 ? 0.5 * (of->high[j] - of->low[j]) : 0.0;
@@ -292,13 +213,15 @@ static hull take_hull(arguments* taken, long long joints) {
 
 /* Room for the kinematics of an arm and the vertices of two bodies. */
 static void take_room(arguments* taken, search* of, long long joints, long long n) {
-  of->placements = scratch(taken, 12 * joints + 8 * n + 3 * (of->a.count + of->b.count));
+  of->placements = scratch(taken, 12 * joints + 8 * n + 6 * (of->a.count + of->b.count + 7));
   if (!of->placements) return;
   of->columns = of->placements + 12 * joints;
   of->trial = of->columns + 6 * n;
   of->shifts = of->trial + n;
   of->at_a = of->shifts + n;
   of->at_b = of->at_a + 3 * of->a.count;
+  of->a.rows = of->at_b + 3 * of->b.count;
+  of->b.rows = of->a.rows + 3 * (of->a.count + 7);
 }
 
 WRAPPER(call_separation) {

@@ -10,26 +10,18 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.result import how_long, verdict
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.planner.terminal.tables import closest_rows, limit_rows, table, verdict_text
 from hdplan.scenes.errors import naming
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.yaml_format.reader import load_scene
 
 
-def run_check(
-    scene: str,
-    trajectory: Path,
-    request: Path | None,
-    robot: str | RobotSpec | None,
-    *,
-    as_json: bool,
-) -> int:
+def run_check(scene: GivenScene, trajectory: Path, *, as_json: bool) -> int:
     """Certify a motion. Returns the exit code: 0 if it is certified, else 1."""
-    problem = load_scene(scene, request=request, robot=robot)
+    problem = scene.load()
     if problem.job is not None:
         from hdplan.planner.commands.job import run_check_job
 
-        return run_check_job(problem, trajectory, printed_as_json=as_json)
+        return run_check_job(problem, trajectory, as_json=as_json)
     motion = Trajectory.load(trajectory)
     with waiting("certifying", shown=not as_json):
         certifier = Certifier(Setup.of(problem))

@@ -9,17 +9,16 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.symbolic.c_code import c_files, c_name
 from hdplan.planner.symbolic.pairs import all_movable
 from hdplan.planner.terminal.console import printing, waiting
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.planner.terminal.tables import table
 from hdplan.scenes.output import check_new_folder, write_folder
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.yaml_format.reader import load_scene
 
 
-def run_codegen(scene: str, request: Path | None, robot: str | RobotSpec | None, *, output: Path, as_json: bool) -> int:
+def run_codegen(scene: GivenScene, *, output: Path, as_json: bool) -> int:
     """Write kinematics, distances and penalty of a scene as C. Returns the exit code: 0."""
     output = output.absolute()  # also of "." and "..": a folder has a name and a place
     check_new_folder(output)
-    requested = load_scene(scene, request=request, robot=robot)
+    requested = scene.load()
     with waiting("writing C"):
         found = all_movable(Setup.of(requested))
         files = c_files(found)

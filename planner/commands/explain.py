@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 from rich.text import Text
 
 from hdplan.planner.build import problem_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.planner.terminal.explain import explain
 from hdplan.planner.terminal.tables import table
 from hdplan.scenes.errors import naming
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.yaml_format.reader import load_scene
 
 
-def run_explain(scene: str, request: Path | None, robot: str | RobotSpec | None, *, as_json: bool) -> int:
+def run_explain(scene: GivenScene, *, as_json: bool) -> int:
     """Build the problem and print its parts. Returns the exit code: 0."""
-    problem = load_scene(scene, request=request, robot=robot)
+    problem = scene.load()
     with waiting("building the problem"):
         with naming(problem.source):
             problem.check_effects()

@@ -18,20 +18,17 @@ from hdplan.planner.result import verdict
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.planner.terminal.tables import closest_rows, table, verdict_text
 from hdplan.scenes.errors import FieldError, InputError, naming
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.number_text import read_number
-from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import derived
-from hdplan.scenes.yaml_format.reader import load_scene
 
 
 def run_follow(
-    scene: str,
+    scene: GivenScene,
     trajectory: Path,
-    request: Path | None,
-    robot: str | RobotSpec | None,
     *,
     output: Path | None,
     rate: float | None,
@@ -44,7 +41,7 @@ def run_follow(
         check_output(output)
     given = _limits(limits or ())
     settings = _settings(rate, margin)
-    problem = load_scene(scene, request=request, robot=robot)
+    problem = scene.load()
     problem = derived(problem, limits=replace(problem.limits, **given))
     motion = Trajectory.load(trajectory)
     setup = Setup.of(problem)

@@ -13,12 +13,13 @@ from rich.text import Text
 
 from hdplan.planner.certificate.verdict import proven_length
 from hdplan.planner.commands.watched import alone, also_seen, opened
-from hdplan.planner.job.certify import JobCertificate, StageCertificate, as_json, certify_job
+from hdplan.planner.job.certify import JobCertificate, StageCertificate, as_json as verdict_of, certify_job
 from hdplan.planner.job.planning import plan_job
 from hdplan.planner.job.result import JobResult
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import check_stages
 from hdplan.planner.terminal.console import printing, progress, say, waiting
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import columns, table, tracking_text
 from hdplan.scenes.deadline import no_limit
@@ -44,8 +45,7 @@ def refuse_options(given: Mapping[str, object]) -> None:
 class Written:
     """The files that are written of a planned job."""
 
-    scene: str  # it was read from this file, or is shipped
-    robot: str | None  # in place of the scene's
+    scene: GivenScene
     output: Path | None
     plot: Path | None
     proof: Path | None
@@ -69,7 +69,7 @@ class Written:
         if proven and self.proof is not None and self.output is not None:
             from hdplan.planner.job.proof import prove_certified  # with the checker, which takes long to import
 
-            prove_certified(result.certificate, self.scene, self.output, self.robot).save(self.proof)
+            prove_certified(result.certificate, self.scene.scene, self.output, self.scene.robot_file).save(self.proof)
         return [str(file) for file in (self.output, self.plot, self.proof if proven else None) if file is not None]
 
 
@@ -79,7 +79,7 @@ def run_plan_job(
     *,
     seed: int,
     time_limit: float,
-    printed_as_json: bool,
+    as_json: bool,
     quiet: bool,
     served: contextlib.ExitStack | None = None,
 ) -> int:
@@ -87,7 +87,7 @@ def run_plan_job(
     proven where there is to be a proof, else 1."""
     files.check()
     follow = alone if served is None else _in_browsers(scene, served)
-    with progress(scene.planner, shown=not quiet and not printed_as_json) as (report, stop):
+    with progress(scene.planner, shown=not quiet and not as_json) as (report, stop):
         result = follow(
             also_seen(
                 lambda report, stop: plan_job(scene, seed=seed, time_limit=time_limit, report=report, stop=stop),
@@ -104,7 +104,7 @@ def run_plan_job(
     if quiet:
         return 0 if result.certified else 1
     with printing() as show:
-        if printed_as_json:
+        if as_json:
             show(json.dumps(result.summary()))
         else:
             show(Text(result.text, style="green" if result.certified else "red"))
@@ -122,15 +122,15 @@ def _in_browsers(scene: Scene, served: contextlib.ExitStack) -> Callable[[Run], 
     return opened(scene.name, lambda: open_job_viewer(scene, complain=complain), served).follow
 
 
-def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> int:
+def run_check_job(scene: Scene, trajectory: Path, *, as_json: bool) -> int:
     """Certify the motion of a job. Returns the exit code: 0 if all its stages are certified, else 1."""
     motion = Trajectory.load(trajectory)
-    with waiting("certifying", shown=not printed_as_json), naming(trajectory):
+    with waiting("certifying", shown=not as_json), naming(trajectory):
         certificate = certify_job(scene, motion)
     with printing() as show:
-        if printed_as_json:
+        if as_json:
             status = "certified" if certificate.certified else "not_certified"
-            stages = [as_json(stage) for stage in certificate.stages]
+            stages = [verdict_of(stage) for stage in certificate.stages]
             about = {"status": status, "text": certificate.text, "scene": scene.name, "trajectory": str(trajectory)}
             show(
                 json.dumps(
@@ -161,17 +161,17 @@ def run_plot_job(scene: Scene, trajectory: Path, output: Path) -> int:
 
 
 def run_simulate_job(
-    scene: Scene, trajectory: Path, plant: Plant | None, *, plant_name: str | None, printed_as_json: bool
+    scene: Scene, trajectory: Path, plant: Plant | None, *, plant_name: str | None, as_json: bool
 ) -> int:
     """Replay the motion of a job, executed by a plant if there is one. Returns the exit code: 0 if all its stages
     succeed, else 1."""
     from hdplan.planner.job.simulation import replay_job
 
     motion = Trajectory.load(trajectory)
-    with waiting("simulating", shown=not printed_as_json), naming(trajectory):
+    with waiting("simulating", shown=not as_json), naming(trajectory):
         simulation = replay_job(scene, motion, plant)
     with printing() as show:
-        if printed_as_json:
+        if as_json:
             about = {"plant": plant_name, "scene": scene.name, "trajectory": str(trajectory)}
             show(json.dumps({**simulation.summary(), **about}))
         else:
@@ -182,13 +182,13 @@ def run_simulate_job(
     return 0 if simulation.succeeded else 1
 
 
-def run_prove_job(scene: str, trajectory: Path, robot: str | None, output: Path) -> int:
+def run_prove_job(scene: GivenScene, trajectory: Path, output: Path) -> int:
     """Write the proof of a job's motion. Returns the exit code: 0 if there is one, else 1."""
     from hdplan.planner.job.proof import prove_job  # imported here, as the checker with it takes long
 
     try:
         with waiting("proving", shown=True):
-            proof = prove_job(scene, trajectory, robot)
+            proof = prove_job(scene.scene, trajectory, scene.robot_file)
     except NotProvenError as error:
         say(f"no proof: {error}", "red")
         return 1

@@ -15,18 +15,17 @@ from hdplan.planner.motion.curve import row_count
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.solvers import solver_named
+from hdplan.planner.solvers import DEFAULT, solver_named
 from hdplan.planner.terminal.arguments import SEARCH_TIME
 from hdplan.planner.terminal.console import printing, progress, waiting
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import result_rows, table, verdict_text
 from hdplan.scenes.deadline import time_limit as limited
 from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError
 from hdplan.scenes.planner_settings import DISTANCES
-from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import derived
 from hdplan.scenes.values import Choice, checked
-from hdplan.scenes.yaml_format.reader import load_scene
 
 if TYPE_CHECKING:
     from hdplan.planner.commands.watched import Report, Stop
@@ -37,16 +36,14 @@ if TYPE_CHECKING:
     Run = Callable[[Report, Stop], PlanResult]
 
 
-def run_plan(scene: str, request: Path | None, robot: str | RobotSpec | None, *, watched: bool, **options: Any) -> int:
+def run_plan(scene: GivenScene, *, watched: bool, **options: Any) -> int:
     """Plan as `planned`; browsers that see it are served until Ctrl-C."""
     with serving(watched) as served:
-        return planned(scene, request, robot, served=served, **options)
+        return planned(scene, served=served, **options)
 
 
 def planned(
-    scene: str,
-    request: Path | None,
-    robot: str | RobotSpec | None,
+    scene: GivenScene,
     *,
     output: Path | None,
     plot: Path | None,
@@ -83,34 +80,22 @@ def planned(
     if proof is not None:
         from hdplan.planner.commands.prove import check_proof_of_plan
 
-        check_proof_of_plan(proof, output, robot)
+        check_proof_of_plan(proof, output, scene.robot)
     longest = SEARCH_TIME if time_limit is None else time_limit
     options = {"solver": solver, "seed": seed, "time_limit": longest}
     problem, found = None, None
     try:
         with limited(time_limit):
-            problem = load_scene(scene, request=request, robot=robot)
+            problem = scene.load()
             if distance is not None:
                 problem = derived(problem, planner=replace(problem.planner, distance=distance))
             if problem.job is not None:
                 from hdplan.planner.commands.job import Written, refuse_options, run_plan_job
 
-                refuse_options(
-                    {
-                        "--diagnose": diagnosed,
-                        "--solver": "" if solver == "gauss_newton" else solver,
-                    }
-                )
-                named = None if isinstance(robot, RobotSpec) else robot
-                to_write = Written(scene, named, output, plot, proof)
+                refuse_options({"--diagnose": diagnosed, "--solver": "" if solver == DEFAULT else solver})
+                files = Written(scene, output, plot, proof)
                 return run_plan_job(
-                    problem,
-                    to_write,
-                    seed=seed,
-                    time_limit=longest,
-                    printed_as_json=as_json,
-                    quiet=quiet,
-                    served=served,
+                    problem, files, seed=seed, time_limit=longest, as_json=as_json, quiet=quiet, served=served
                 )
             timing = problem.timing
             if output is not None and timing is not None and timing.duration is not None:
@@ -141,21 +126,21 @@ def planned(
 
         draw(Subject.planned(Setup.of(problem), result), plot)
     proven = result.certified
-    if proof is not None and output is not None and result.certified and not isinstance(robot, RobotSpec):
+    if proof is not None and output is not None and result.certified:
         from hdplan.planner.commands.prove import written
         from hdplan.planner.proof.proof import prove_planned
 
-        made, file, beside = result, output, (request, robot)
-        proven = written(lambda: prove_planned(made, scene, file, *beside), proof) is not None
+        names = scene.scene, output, scene.request, scene.robot_file
+        proven = written(lambda: prove_planned(result, *names), proof) is not None
     if not quiet:
         with printing() as show:
             if as_json:
                 why = {"diagnosis": {"cause": found.cause, "advice": found.advice}} if found else {}
                 show(json.dumps({**result.summary(), **why}))
             else:
-                files = [output, plot, proof if proven else None]
+                paths = [output, plot, proof if proven else None]
                 show(verdict_text(result.certificate))
-                rows = result_rows(result, [str(file) for file in files if file is not None])
+                rows = result_rows(result, [str(file) for file in paths if file is not None])
                 show(table([*rows, *([("cause", CAUSES[found.cause]), ("helps", found.advice)] if found else [])]))
     return 0 if proven else 1
 

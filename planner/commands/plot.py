@@ -10,16 +10,15 @@ from hdplan.planner.pictures.plot import Subject, check_picture, plot
 from hdplan.planner.result import read_steps
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.planner.terminal.tables import table, verdict_text
 from hdplan.scenes.errors import naming
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.yaml_format.reader import load_scene
 
 
-def run_plot(scene: str, trajectory: Path, request: Path | None, robot: str | RobotSpec | None, *, output: Path) -> int:
+def run_plot(scene: GivenScene, trajectory: Path, *, output: Path) -> int:
     """Draw a motion. Returns the exit code: 0 for every verdict."""
     check_picture(output)
-    problem = load_scene(scene, request=request, robot=robot)
+    problem = scene.load()
     if problem.job is not None:
         from hdplan.planner.commands.job import run_plot_job
 

@@ -7,26 +7,26 @@ from pathlib import Path
 
 from hdplan.planner.proof.proof import Proof, prove
 from hdplan.planner.terminal.console import printing, say, waiting
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.planner.terminal.tables import table
 from hdplan.scenes.errors import InputError, NotProvenError
 from hdplan.scenes.output import check_writable
 from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.yaml_format.reader import load_scene
 
 ENDINGS = (".proof",)
 MOTIONS = (".json", ".csv")  # of which there can be proofs
 WITH_ARGUMENTS = "--proof: a proof refers to files, so --xacro-arg is not allowed: give robot.xacro_args in a file"
 
 
-def run_prove(scene: str, trajectory: Path, request: Path | None, robot: str | None, *, output: Path) -> int:
+def run_prove(scene: GivenScene, trajectory: Path, *, output: Path) -> int:
     """Write the proof of a motion, or of the stages of a job. Returns the exit code: 0 if there is one, else 1."""
     check_writable(output, ENDINGS)
-    if load_scene(scene, request=request, robot=robot).job is not None:
+    if scene.load().job is not None:
         from hdplan.planner.commands.job import run_prove_job
 
-        return run_prove_job(scene, trajectory, robot, output)
+        return run_prove_job(scene, trajectory, output)
     with waiting("proving", shown=True):
-        proof = written(lambda: prove(scene, trajectory, request, robot), output)
+        proof = written(lambda: prove(scene.scene, trajectory, scene.request, scene.robot_file), output)
     if proof is None:
         return 1
     with printing() as show:

@@ -13,34 +13,24 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.plot import check_picture, plot_simulation
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.planner.terminal.tables import rates_table, simulation_rows, table, torques_table
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.yaml_format.reader import load_scene
 
 MUJOCO, MODELS = "mujoco", (".xml", ".mjcf")  # plants: of hdplan's robot, or of a file
 
 
-def run_simulate(
-    scene: str,
-    trajectory: Path,
-    request: Path | None,
-    robot: str | RobotSpec | None,
-    *,
-    plot: Path | None,
-    plant: str | None,
-    as_json: bool,
-) -> int:
+def run_simulate(scene: GivenScene, trajectory: Path, *, plot: Path | None, plant: str | None, as_json: bool) -> int:
     """Replay a motion, executed by a plant if one is named. Returns the exit code: 0 if it succeeds, else 1."""
     if plot is not None:
         check_picture(plot)
     body = None if plant is None else _plant(plant)
-    problem = load_scene(scene, request=request, robot=robot)
+    problem = scene.load()
     if problem.job is not None:
         from hdplan.planner.commands.job import refuse_options, run_simulate_job
 
         refuse_options({"--plot": plot})
-        return run_simulate_job(problem, trajectory, body, plant_name=plant, printed_as_json=as_json)
+        return run_simulate_job(problem, trajectory, body, plant_name=plant, as_json=as_json)
     motion = Trajectory.load(trajectory)
     setup = Setup.of(problem)
     arm = setup.robot

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from hdplan.planner.terminal.console import printing
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import check_file, read_file
 from hdplan.scenes.output import check_writable
@@ -16,27 +17,17 @@ from hdplan.verify.kernel import IN_PART
 from hdplan.verify.robot_files import is_name
 
 
-def run_verify(
-    scene: str,
-    trajectory: Path,
-    proof: Path,
-    request: Path | None = None,
-    robot: str | None = None,
-    *,
-    world: Path | None = None,
-) -> int:
+def run_verify(scene: GivenScene, trajectory: Path, proof: Path, *, world: Path | None = None) -> int:
     """Check a proof, of a motion or a job, and say what it proves or why not; write the `world` that the checker read.
     Returns the exit code: 0 if the proof is accepted, 4 if it is accepted in part, else 1.
 
     The checker limits the memory and the time of its own process, which whoever wrote the files could else use up.
     """
-    files = [find_scene(scene), trajectory, proof]
+    request, robot = scene.request, scene.robot_file
+    files = [find_scene(scene.scene), trajectory, proof]
     beside = [Path(robot)] if robot is not None and not is_name(robot) else []
-    for path in (
-        *files,
-        *beside,
-        *([request] if request is not None else []),
-    ):  # what cannot be read is bad input, not a proof that is rejected
+    beside += [] if request is None else [request]
+    for path in (*files, *beside):  # what cannot be read is bad input, not a proof that is rejected
         with naming(path):
             check_file(path)
     for option, value in (("--world", world), ("--request", request)):

@@ -6,22 +6,21 @@ import contextlib
 import sys
 import threading
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.terminal.console import printing, waiting
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.planner.terminal.interrupts import until_ctrl_c
 from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import table
 from hdplan.planner.view.front import check_files, check_installed, check_proof, is_loopback, motion_names
 from hdplan.planner.view.watch import Seen, Source, Watch, seen, seen_meshes
 from hdplan.scenes.errors import HdplanError, InputError, naming
-from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.yaml_format.reader import find_scene, load_scene
+from hdplan.scenes.yaml_format.reader import find_scene
 
 if TYPE_CHECKING:
     from hdplan.planner.view.gate import Served
@@ -30,11 +29,17 @@ LOADING = "loading the robot's meshes"
 HOST, PORT = "127.0.0.1", 8080  # unless others are given: this machine alone
 
 
+class Place(NamedTuple):
+    """The place where a viewer is served."""
+
+    host: str
+    port: int
+    share: bool  # whether others may watch
+
+
 def run_view(
-    scene: str,
+    scene: GivenScene,
     trajectories: Sequence[Path] | None,
-    request: Path | None,
-    robot: str | RobotSpec | None,
     *,
     proof: Path | None,
     record: Path | None,
@@ -48,26 +53,25 @@ def run_view(
     if record is not None or video is not None:
         served = {"--host": host, "--port": port, "--proof": proof, "--share": share or None}
         check_files(record, video, trajectories, [option for option, value in served.items() if value is not None])
-        return _write(load_scene(scene, request=request, robot=robot), trajectories, record, video)
-    load = partial(load_scene, scene, request=request, robot=robot)
-    files = seen([find_scene(scene), *([] if request is None else [request])])
-    problem = load()
+        return _write(scene.load(), trajectories, record, video)
+    files = seen([find_scene(scene.scene), *([] if scene.request is None else [scene.request])])
+    problem = scene.load()
     meshes = seen_meshes(problem)
     check_installed()
-    host, port = HOST if host is None else host, PORT if port is None else port
+    place = Place(HOST if host is None else host, PORT if port is None else port, share)
     if problem.job is not None:
         if proof is not None:
             raise InputError(f"--proof: {proof} is drawn for a single motion, and this scene holds a job: leave it out")
-        return _serve_job(problem, load, files, meshes, trajectories, host, port, share)
+        return _serve_job(problem, scene.load, files, meshes, trajectories, place)
     if proof is not None:
-        check_proof(proof, trajectories, robot)
+        check_proof(proof, trajectories, scene.robot)
     motion_files = seen(trajectories)
     motions = _loaded(trajectories)
     read = None
-    if proof is not None and not isinstance(robot, RobotSpec):
+    if proof is not None:
         from hdplan.planner.proof.reading import ReadProof
 
-        read = ReadProof(find_scene(scene), trajectories[0], proof, request, robot)
+        read = ReadProof(find_scene(scene.scene), trajectories[0], proof, scene.request, scene.robot_file)
 
     from hdplan.planner.view.server import open_viewer  # needs viser
 
@@ -77,17 +81,15 @@ def run_view(
 
         def found(viewer: Served) -> None:
             loading.close()
-            _tell(problem, viewer, host, port, share)
+            _tell(problem, viewer, place)
 
         with until_ctrl_c():
-            viewer = open_viewer(
-                problem, motions, robot=arm, host=host, port=port, share=share, complain=complain, found=found
-            )
+            viewer = open_viewer(problem, motions, robot=arm, complain=complain, found=found, **place._asdict())
             with contextlib.closing(viewer):
                 if read is not None:
                     viewer.show_proof(read)
                 watch = viewer.panel.opening.follow(
-                    load,
+                    scene.load,
                     files,
                     meshes,
                     {name: {file: motion_files[file]} for (name, _), file in zip(motions, trajectories, strict=True)},
@@ -97,13 +99,13 @@ def run_view(
     return 0
 
 
-def _tell(problem: Scene, viewer: Served, host: str, port: int, share: bool) -> None:
+def _tell(problem: Scene, viewer: Served, place: Place) -> None:
     """Write where a viewer is found."""
     with printing() as show:
-        taken = f" (port {port} is taken)" if viewer.port != port else ""
+        taken = f" (port {place.port} is taken)" if viewer.port != place.port else ""
         show(f"{problem.name} at {viewer.address()}{taken}, until Ctrl-C")
-        if share:
-            where = "" if not is_loopback(host) else f" (from this machine alone, as it listens at {host})"
+        if place.share:
+            where = f" (from this machine alone, as it listens at {place.host})" if is_loopback(place.host) else ""
             show(f"to watch, and change nothing: {viewer.address(watch=True)}{where}")
     sys.stdout.flush()
 
@@ -114,9 +116,7 @@ def _serve_job(
     files: Seen,
     meshes: Seen,
     trajectories: Sequence[Path],
-    host: str,
-    port: int,
-    share: bool,
+    place: Place,
 ) -> int:
     """Serve a job until Ctrl-C, and follow its files. Returns the exit code: 0."""
     from hdplan.planner.view.server import open_job_viewer  # needs viser
@@ -124,7 +124,7 @@ def _serve_job(
     motion_files = seen(trajectories)
     motion = _one_motion(problem, _loaded(trajectories))[1] if trajectories else None
     with waiting(LOADING):
-        viewer = open_job_viewer(problem, motion, host=host, port=port, share=share, complain=complain)
+        viewer = open_job_viewer(problem, motion, complain=complain, **place._asdict())
 
     def read_motion() -> None:
         try:
@@ -136,7 +136,7 @@ def _serve_job(
     if trajectories:
         sources.append(Source(motion_files, read_motion))
     with contextlib.closing(viewer), contextlib.closing(Watch(sources)), until_ctrl_c():
-        _tell(problem, viewer, host, port, share)
+        _tell(problem, viewer, place)
         threading.Event().wait()
     return 0
 

@@ -20,7 +20,7 @@ class BarrierSettings(Checked):
     gamma: Annotated[int, Whole(1, 1000)] = 2  # order of differentiability of the HD-SDF
     shaping_length: Annotated[float, Number(above=0.0, unit="m")] = 1e-3  # width of its flat spot [m]
     growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.006  # g, by which obstacles are grown [m]
-    self_growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.005  # the same for one link of a self pair [m]
+    self_growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.005  # g of one link, where links are compared [m]
     normals: Annotated[str, text] = "box"
     """Planes of an obstacle: faces, box or sphere; of hdsdf-boxes: paper or paper-multiset."""
 

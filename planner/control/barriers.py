@@ -25,14 +25,14 @@ from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.moment import BarrierRows, Layout, Moment
 from hdplan.planner.control.movers import Movers
 from hdplan.planner.control.pair_level import PairGroup, PairLevel
-from hdplan.planner.kinematics.forward import Kinematics
+from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import naming
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.once import made_once
+from hdplan.scenes.once import made_once, read_only
 from hdplan.scenes.poses import IDENTITY
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import instance
@@ -40,6 +40,7 @@ from hdplan.scenes.values import instance
 PROVEN_DISTANCES = ("hdsdf", "euclidean")  # those of which the broad phase misses no pair
 ALWAYS_APART = 0.05  # [m] from everything that stands is a link that is in no pair with it, whatever the robot does
 CORNER_FACTOR = 2.0  # times as far: more than the corners of a box stand out that is enlarged along its axes
+WORLD = read_only(np.array([*np.eye(3).ravel(), 0.0, 0.0, 0.0]))  # its placement, as `KinematicsBatch` has it
 
 
 class Barriers:
@@ -58,7 +59,7 @@ class Barriers:
         hulls: Sequence[LinkBody] = (),
         unguarded: Sequence[tuple[str, str]] = (),
     ) -> None:
-        """Lay out the pairs. `obstacles` are static; the bodies of a moving obstacle are given in its own frame.
+        """Assemble the pairs. `obstacles` are static; the bodies of a moving obstacle are given in its own frame.
 
         clearances: [m], by obstacle, added to the settings' growth. hulls: the links' own hulls, for `nearness`.
         unguarded: pairs of links that are left out, for the report.
@@ -70,23 +71,22 @@ class Barriers:
         standing, carried = Pieces.of(obstacles), Pieces.of([body for _, moved in movers for body in moved])
         others = Pieces.joined([standing, carried.on(kinematics.nj + owners)])
         size = np.linalg.norm(carried.boxes[:, :3, 3], axis=1) + np.linalg.norm(carried.half_sizes, axis=1)
-        self.obstacle_speed = self.movers.fastest(owners, size)  # of any obstacle [m/s]
+        self.obstacle_speed = self.movers.fastest(owners, size)  # greatest speed of an obstacle [m/s]
         extra = dict.fromkeys(others.names, 0.0) | dict(clearances or {})
         grown = settings.growth + np.array([*map(extra.__getitem__, others.names)])
         outer = _can_meet(robot, bodies, others, len(standing), grown)
         supports = np.vstack([kinematics.supports, np.zeros((len(movers), kinematics.n), dtype=np.bool_)])
         own = _own_pairs(kinematics, tuple(bodies), tuple(self_pairs), self.hulls, settings)
         levels = [own] if own else []  # pairs of obstacles, and of links
-        fixed = np.array([a for a, body in enumerate(bodies) if body.joint == 0], dtype=np.int64)
-        met = np.stack(np.meshgrid(fixed, np.arange(len(standing), len(others)), indexing="ij"), axis=-1).reshape(-1, 2)
-        self._fixed = (
-            PairLevel(bodies, others, met, grown, supports, self.hulls, others, settings) if len(met) else None
-        )
+        fixed, alone = [body for body in bodies if body.joint == 0], carried.on(1 + owners)  # in a world without joints
+        met, still = np.indices((len(fixed), len(carried))).reshape(2, -1).T, np.zeros((1 + len(movers), 0), np.bool_)
+        of_fixed = fixed, alone, met, grown[len(standing) :], still, (), alone, settings
+        self._fixed = PairLevel(*of_fixed) if len(met) else None
         if len(outer):
             levels.insert(0, PairLevel(bodies, others, outer, grown, supports, self.hulls, others, settings))
         self._names = (bodies, others.names, outer, self_pairs)
         self.count = len(outer) + len(self_pairs)  # P
-        self.obstacle_pairs = len(outer)  # which come first among the P
+        self.obstacle_pairs = len(outer)  # number of pairs with obstacles, which come first among the P
         self.coming = np.zeros(self.count, dtype=np.bool_)  # (P,) whether it is a pair with a moving obstacle
         self.coming[: len(outer)] = outer[:, 1] >= len(standing)
         stands = (np.arange(self.count) < len(outer)) & ~self.coming
@@ -145,16 +145,17 @@ class Barriers:
         """Return Δ and its derivatives of all pairs at configuration q (n,) and a time [s]."""
         return self.at(q[None], np.array([time])).rows(np.zeros(self.count, np.int64), np.arange(self.count))
 
-    def of_fixed_links(self, path: Array, times: Array, needed: float) -> float:
-        """Return the least Δ [m] of links that no joint moves to moving obstacles, at configurations (k, n) and times
-        (k,) [s]: no command changes it, so these pairs have no row. Infinite if no pair may have a D̃ below `needed`."""
+    def of_fixed_links(self, times: Array, needed: float) -> float:
+        """Return the least Δ [m] of links that no joint moves to moving obstacles, at times (k,) [s]: no command
+        changes it, so these pairs have no row. Infinite if no pair may have a D̃ below `needed`."""
         if self._fixed is None:
             return np.inf
-        kinematics = self.at(path, times).kinematics
+        placements = np.concatenate([np.tile(WORLD, (len(times), 1, 1)), self.movers.at(times)[0]], axis=1)
+        kinematics = KinematicsBatch(placements, np.empty((len(times), 0, 6)))
         if self._layout.bounded:
             sample, pair = self._fixed.near(needed).close(kinematics)
         else:
-            sample, pair = np.indices((len(path), len(self._fixed.pairs))).reshape(2, -1)
+            sample, pair = np.indices((len(times), len(self._fixed.pairs))).reshape(2, -1)
         return float(self._fixed.outer.distance(kinematics, sample, pair)[0].min(initial=np.inf))
 
     def at(self, path: Array, times: Array) -> Moment:

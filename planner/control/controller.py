@@ -12,7 +12,7 @@ brakes from it is known (`braking`). Where the robot is, the paper's rows are ke
 ∂Δ/∂q · u + ∂Δ/∂t ≥ −η (Δ − δ). These guide: their rate is a tenth of that of the others, so that they are felt first,
 and they are as smooth as the distance, whereas the others depend on how each joint brakes.
 
-For obstacles that stand still, η is η / (1 − (D̃_k/R)²) while the separation D̃_k is less than the horizon R, and from
+For static obstacles η is η / (1 − (D̃_k/R)²) while the separation D̃_k is less than the horizon R, and from
 there on a pair has no row, so that only near pairs are examined. Δ_k ≥ δ_k is kept by any rate κ(q) ≥ 0 that is
 bounded near Δ_k = δ_k, as Δ_k − δ_k falls no faster than exp(−∫κ dt) then; there D̃_k is far below R.
 
@@ -259,7 +259,7 @@ class Controller:
             int(seen.pairs[closest]) if len(slacks) else -1,
             gave,
             tuple(np.flatnonzero(seen.near < 0.0).tolist()),
-            self._proven(velocity, seen, kept, q, time),
+            self._proven(velocity, seen, kept, time),
             distances,
             perf_counter() - began - distances,
         )
@@ -288,13 +288,13 @@ class Controller:
         rows.append(joint_constraints(self.settings.rate * beyond, window.q > robot.upper, self.rates.velocity, base))
         return reduce(SoftConstraints.with_rows, rows)
 
-    def _proven(self, velocity: Array, seen: Seen, kept: bool, q: Array, time: float) -> float | None:
+    def _proven(self, velocity: Array, seen: Seen, kept: bool, time: float) -> float | None:
         """Return the proven clearance over the period: that at its ends, less the travel to its middle."""
         outer, margin = seen.pairs < self.barriers.obstacle_pairs, self.settings.margin
         if self._clearance is None or not kept or (seen.here.value[outer] < margin).any():
             return None
         ends = time + np.array([0.0, self.settings.period])
-        if self.barriers.of_fixed_links(np.stack([q, q]), ends, self.sight.needed[0]) < margin:
+        if self.barriers.of_fixed_links(ends, self.sight.needed[0]) < margin:
             return None
         speed = float(np.abs(velocity) @ self.barriers.levers) + self.barriers.obstacle_speed
         return self._clearance - 0.5 * self.settings.period * speed

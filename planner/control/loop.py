@@ -42,7 +42,7 @@ class Executed(ReadOnly):
     velocities: Array  # (k, n) measured
     errors: Array  # (k, n) commanded less measured positions
     velocity_errors: Array  # (k, n)
-    why: str  # it was stopped before its end; empty if it was not
+    why: str  # reason of a stop before the end; empty without one
     commands: tuple[Command, ...] = ()  # of each step of a replanner
 
     @property

@@ -47,7 +47,7 @@ class Layout(NamedTuple):
     moves: Array  # (P, m) 1 where a joint of the model moves only the first body, −1 only the second, else 0
     joint_b: Rows  # (P,) joint, or after these moving obstacle, that carries the second body
     outer: int  # pairs with obstacles, which come first
-    standing: Mask  # (P,) whether it is a pair with an obstacle that stands still, of which nearness is proven
+    standing: Mask  # (P,) whether it is a pair with a static obstacle, of which nearness is proven
     bounded: bool  # whether of all other pairs, too, what is not near is proven to be far
     exact: bool  # whether the links' hulls are known
 
@@ -61,7 +61,7 @@ class Moment(NamedTuple):
 
     def within(self, horizon: float) -> Rows:
         """Return the pairs, ascending, that may have a D̃ below the horizon [m] at one of the configurations: not those
-        of standing obstacles that are proven to have none."""
+        of static obstacles that are proven to have none."""
         standing = self.layout.standing
         if not standing.any() or not np.isfinite(horizon):
             return np.arange(len(standing))

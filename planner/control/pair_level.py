@@ -51,7 +51,7 @@ class PairLevel:
         solids: Pieces,
         settings: BarrierSettings,
     ) -> None:
-        """Lay out pairs (P, 2) of bodies with others, enlarged by a margin [m]. Behind them are the hulls with
+        """Assemble pairs (P, 2) of bodies with others, enlarged by a margin [m]. Behind them are the hulls with
         `solids`: the others themselves, or where these are links their hulls."""
         self.pairs = body_pairs(bodies, others, chosen, margin, supports)
         self.outer = PairGroup(self.pairs, _distance(self.pairs, bodies, others, settings))
@@ -73,7 +73,7 @@ class PairLevel:
 
     @cached_property
     def hulls(self) -> Hulls:
-        """The exact pairs of the hulls, laid out when a pair is first inside its margin."""
+        """The exact pairs of the hulls, assembled when a pair is first inside its margin."""
         row_of = {hull.link: row for row, hull in enumerate(self._hulls)}
         hull_of = np.array([row_of[link] for link in self._links])
         first, second = hull_of[self._chosen[:, 0]], self._chosen[:, 1]

@@ -40,8 +40,8 @@ class Run:
     proven: float | None  # true clearance to obstacles proven over all periods [m]; None if one has no proof
     distance_seconds: Array  # (N,) spent on distances
     program_seconds: Array  # (N,) spent on the task and the quadratic program
-    met: float | None  # when the task was completed [s]; None: it was not
-    gave: Counter[tuple[str, str]]  # in how many periods the barrier of each pair was not met
+    met: float | None  # time at which the task was completed [s]; None: it was not
+    gave: Counter[tuple[str, str]]  # number of periods in which a pair's barrier was not met
     begin: float = 0.0  # start of the first period [s]
     after: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (B, n) the places where it then brakes until rest
 

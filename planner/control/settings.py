@@ -22,13 +22,13 @@ class ControlSettings(Checked):
     rate: Annotated[float, Number(high=1e3, above=0.0, unit="1/s")] = 2.0
     """η: how fast a barrier may be approached, as a share of its distance per second [1/s]."""
     yielding: Annotated[float, Number(high=1e3, above=0.0, unit="1/s")] = 4.0
-    """The same for obstacles that move, at most η: the smaller, the sooner the robot gives way [1/s]."""
+    """The rate η for moving obstacles, at most `rate`: the smaller, the sooner the robot gives way [1/s]."""
     horizon: Annotated[float, Number(above=0.0, unit="m")] = 0.25
-    """R: how far from its bound a standing obstacle counts at all [m]; toward it the rate grows without limit."""
+    """R: how far from its bound a static obstacle counts at all [m]; toward it the rate grows without limit."""
     period: Annotated[float, Number(high=1.0, above=0.0, unit="s")] = 0.005  # T, over which commands are held [s]
     speed: Annotated[float, Number(high=1.0, above=0.0)] = 1.0  # share of the robot's velocity limits that is used
     rise: Annotated[float, Number(0.0, 10.0, unit="s")] = 0.2
-    """In which time a joint reaches its greatest speed at the soonest, where its scene limits no acceleration [s]."""
+    """Least time in which a joint reaches its greatest speed, where its scene limits no acceleration [s]."""
     look_ahead: bool = True  # whether commands are checked on their way to rest
     as_published: bool = False
     """Accept settings that are provably not safe, to show what they do; one rate for every pair, however far apart, the

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from hdplan.planner.geometry.data_files import numpy_readers, read_by_ending
 from hdplan.planner.geometry.mesh_formats.ply import read_ply_points
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.files import read_file
+from hdplan.scenes.errors import InputError
 
 
 def read_points(path: Path) -> Array:
@@ -23,17 +23,7 @@ def read_points(path: Path) -> Array:
 
     Raises InputError for a file that is missing, too large, of an unknown format, or damaged.
     """
-    ending = path.suffix.lower().lstrip(".")
-    if ending not in FORMATS:
-        raise InputError(f"format '{path.suffix}' is not known{nearest(ending, FORMATS)}")
-    data = read_file(path)
-    try:
-        points = np.asarray(FORMATS[ending](data, path))
-    except InputError:
-        raise
-    except Exception as error:  # each reader fails in its own way, none in words for the user
-        words = " ".join(str(error).split())[:100]
-        raise InputError(f"cannot be read, its content is not that of a {ending} file ({words})") from error
+    points = np.asarray(read_by_ending(path, FORMATS))
     if points.dtype.kind not in "iuf" or points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"holds an array of shape {points.shape} and type {points.dtype}; points (m, 3) are needed")
     return points.astype(np.float64)
@@ -52,19 +42,6 @@ def _xyz(data: bytes, path: Path) -> Array:
     if rows and not data.endswith((b"\n", b"\r")) and len(rows) > 1 and len(rows[-1].split()) != len(rows[0].split()):
         raise InputError(f"is cut short: its last line is {rows[-1][:40]!r}")
     return np.loadtxt(rows, usecols=(0, 1, 2), ndmin=2, delimiter="," if "," in rows[0] else None)
-
-
-def _npz(data: bytes, path: Path) -> Array:
-    """The array `points`, or the only one."""
-    with np.load(io.BytesIO(data), allow_pickle=False) as held:
-        names = held.files
-        if "points" not in names and len(names) != 1:
-            raise InputError(f"holds the arrays {', '.join(names) or 'none'}: the points must be named `points`")
-        return np.asarray(held["points" if "points" in names else names[0]])
-
-
-def _npy(data: bytes, path: Path) -> Array:
-    return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))
 
 
 def _pcd(data: bytes, path: Path) -> Array:
@@ -106,5 +83,5 @@ def _needed(name: str, path: Path) -> Any:
 
 
 FORMATS: Mapping[str, Callable[[bytes, Path], Array]] = MappingProxyType(
-    {"ply": _ply, "pcd": _pcd, "xyz": _xyz, "npz": _npz, "npy": _npy, "las": _las}
+    {"ply": _ply, "pcd": _pcd, "xyz": _xyz, **numpy_readers("points", "points"), "las": _las}
 )

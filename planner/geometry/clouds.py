@@ -6,7 +6,6 @@ middle of the points' bounding box, that contains them.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,13 +14,14 @@ import numpy as np
 from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.geometry.cloud_files import read_points
 from hdplan.planner.geometry.depth_images import balls_of
+from hdplan.planner.geometry.drawn_shapes import boxes_mesh
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.errors import FieldError, InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.fixed_array import FixedArray
-from hdplan.scenes.once import made_once, read_only
+from hdplan.scenes.once import made_once
 
 MOST_BOXES = 4000  # drawn around a cloud's points
 
@@ -140,13 +140,6 @@ def drawn_boxes(balls: FixedArray) -> tuple[Array, Rows]:
     return boxes_mesh(*_bounds(given[order], first))
 
 
-def boxes_mesh(low: Array, high: Array) -> tuple[Array, Rows]:
-    """Return boxes between lower and upper corners (k, 3), for pictures: vertices [m] and triangles, outward."""
-    vertices = low[:, None] + _UNIT * (high - low)[:, None]
-    triangles = _SIDES + 8 * np.arange(len(low))[:, None, None]
-    return vertices.reshape(-1, 3), triangles.reshape(-1, 3)
-
-
 def part_bounds(balls: FixedArray, edge: float) -> Array:
     """Return the lower and upper corners (k, 2, 3) of boxes around the balls (m, 4) in each cube of this edge [m]."""
     order, first = grouped(balls.array[:, :3], edge)
@@ -160,10 +153,4 @@ def _bounds(balls: Array, first: Rows) -> tuple[Array, Array]:
     return low, np.maximum.reduceat(balls[:, :3] + radius, first)
 
 
-_UNIT = read_only(np.array(list(itertools.product((0.0, 1.0), repeat=3))))
-_SIDES = read_only(
-    np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])[
-        :, [[0, 1, 2], [0, 2, 3]]
-    ].reshape(-1, 3)
-)
 _RADIUS_FACTOR = 1.0 + 1e-12  # so that rounding makes no ball too small

@@ -24,10 +24,11 @@ from pathlib import Path
 
 import numpy as np
 
+from hdplan.planner.geometry.data_files import numpy_readers, read_by_ending
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.depth_images import DepthImage
-from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.files import Stamps, read_file
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.files import Stamps
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import made_once
 
@@ -81,17 +82,7 @@ def _ways(place: Array, seen: Mask, axis: int, facing: Array) -> tuple[Array, Ar
 def read_image(path: Path) -> Array:
     """Read an image (h, w) of depths, in the file's unit. Raises InputError for a file that is missing, damaged or not
     of one channel."""
-    ending = path.suffix.lower().lstrip(".")
-    if ending not in FORMATS:
-        raise InputError(f"format '{path.suffix}' is not known{nearest(ending, FORMATS)}")
-    data = read_file(path)
-    try:
-        image = np.asarray(FORMATS[ending](data))
-    except InputError:
-        raise
-    except Exception as error:  # each reader fails in its own way, none in words for the user
-        words = " ".join(str(error).split())[:100]
-        raise InputError(f"cannot be read, its content is not that of a {ending} file ({words})") from error
+    image = np.asarray(read_by_ending(path, FORMATS))
     if image.dtype.kind not in "iuf" or image.ndim != 2 or not image.size:
         raise InputError(
             f"holds an array of shape {image.shape} and type {image.dtype}; a depth image (h, w) is needed"
@@ -99,7 +90,7 @@ def read_image(path: Path) -> Array:
     return image.astype(np.float64)
 
 
-def _png(data: bytes) -> Array:
+def _png(data: bytes, _: Path) -> Array:
     try:
         from PIL import Image
     except ImportError:
@@ -114,18 +105,5 @@ def _png(data: bytes) -> Array:
         return np.asarray(image)
 
 
-def _npz(data: bytes) -> Array:
-    """The array `depth`, or the only one."""
-    with np.load(io.BytesIO(data), allow_pickle=False) as held:
-        names = held.files
-        if "depth" not in names and len(names) != 1:
-            raise InputError(f"holds the arrays {', '.join(names) or 'none'}: the image must be named `depth`")
-        return np.asarray(held["depth" if "depth" in names else names[0]])
-
-
-def _npy(data: bytes) -> Array:
-    return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))
-
-
 _PNG_END = b"IEND\xaeB\x60\x82"
-FORMATS = {"png": _png, "npz": _npz, "npy": _npy}
+FORMATS = {"png": _png, **numpy_readers("depth", "image")}

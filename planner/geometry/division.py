@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.array_types import Array, Mask
 
 
 def divided(corners: Array, longest: float, near: Callable[[Array, Array], Mask] | None = None) -> Array:
@@ -17,16 +17,20 @@ def divided(corners: Array, longest: float, near: Callable[[Array, Array], Mask]
         if near is not None:
             middle = corners.mean(axis=1)
             corners = corners[near(middle, np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1))]
-        edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)  # (m, 3) from corner i to i + 1
-        large = edges.max(axis=1) > longest
+        large = _edges(corners).max(axis=1) > longest
         done.append(corners[~large])
-        corners = _halves(corners[large], edges[large].argmax(axis=1))
+        corners = halved(corners[large])
     return np.concatenate(done)
 
 
-def _halves(corners: Array, edge: Rows) -> Array:
-    """Return the halves (2 m, 3, 3) of triangles that are cut through the middle of one edge (m,)."""
-    order = (edge[:, None] + np.arange(3)) % 3
+def _edges(corners: Array) -> Array:
+    """Return the lengths (m, 3) of the edges of triangles, from corner i to i + 1."""
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2))
+
+
+def halved(corners: Array) -> Array:
+    """Return both halves (2 m, 3, 3) of triangles (m, 3, 3), cut across their longest edges."""
+    order = (_edges(corners).argmax(axis=1)[:, None] + np.arange(3)) % 3
     a, b, c = np.moveaxis(np.take_along_axis(corners, order[:, :, None], axis=1), 1, 0)
     middle = 0.5 * (a + b)
     return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])

@@ -8,17 +8,27 @@ import numpy as np
 
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.once import read_only
 
 SECTIONS = 48  # of a round body about its axis
 HALVES = 12  # parts of a quarter turn from a pole to the equator
 
+_UNIT = read_only(np.array(list(itertools.product((0.0, 1.0), repeat=3))))
 _FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # outward
+_SIDES = read_only(np.array([row for a, b, c, d in _FACES for row in ((a, b, c), (a, c, d))]))
+
+
+def boxes_mesh(low: Array, high: Array) -> tuple[Array, Rows]:
+    """Return boxes between lower and upper corners (k, 3): vertices [m] and triangles, outward."""
+    vertices = low[:, None] + _UNIT * (high - low)[:, None]
+    triangles = _SIDES + 8 * np.arange(len(low))[:, None, None]
+    return vertices.reshape(-1, 3), triangles.reshape(-1, 3)
 
 
 def drawn_box(size: tuple[float, float, float]) -> TriangleMesh:
     """Return a box of edges `size` [m] about the origin."""
-    corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * size
-    return TriangleMesh(corners, np.array([row for a, b, c, d in _FACES for row in ((a, b, c), (a, c, d))]))
+    half = 0.5 * np.array([size])
+    return TriangleMesh(*boxes_mesh(-half, half))
 
 
 def drawn_cylinder(radius: float, length: float) -> TriangleMesh:

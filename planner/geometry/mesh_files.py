@@ -9,25 +9,25 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
-import os
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hdplan.planner.geometry.data_files import read_by_ending
 from hdplan.planner.geometry.mesh_formats.collada import read_collada
 from hdplan.planner.geometry.mesh_formats.gltf import read_gltf
 from hdplan.planner.geometry.mesh_formats.gltf_container import buffer_names
 from hdplan.planner.geometry.mesh_formats.obj import read_obj
 from hdplan.planner.geometry.mesh_formats.off import read_off
 from hdplan.planner.geometry.mesh_formats.ply import read_ply
+from hdplan.planner.geometry.mesh_formats.scene_parts import MOST_TRIANGLES
 from hdplan.planner.geometry.mesh_formats.stl import read_stl
 from hdplan.planner.geometry.mesh_formats.text import shown
 from hdplan.planner.geometry.mesh_formats.triangles import Triangles
-from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, read_file, stamps_of
 from hdplan.scenes.lazy_imports import LazyModule
 from hdplan.scenes.once import ForkSafeLock, made_once
@@ -37,9 +37,6 @@ if TYPE_CHECKING:
 else:
     trimesh = LazyModule("trimesh")
 
-MOST_BYTES = 100_000_000
-MOST_TRIANGLES = 1_000_000  # more would take minutes to prepare for a proof
-
 _reading = ForkSafeLock()  # warnings and trimesh's log belong to the whole process
 
 
@@ -48,40 +45,13 @@ def read_mesh_file(path: Path, upright: bool = False) -> Triangles:
 
     Raises InputError for a file that is missing, not a regular file, too large, of an unknown format, or damaged.
     """
-    if not os.path.exists(path):  # unlike Path.exists, no error for names that are too long
-        raise InputError("no such file")
-    if not os.path.isfile(path):
-        raise InputError("is not a regular file")
-    ending = path.suffix.lower().lstrip(".")
-    if ending not in FORMATS:
-        raise InputError(f"format '{path.suffix}' is not known{nearest(ending, FORMATS)}")
-    if path.stat().st_size > MOST_BYTES:
-        raise InputError(f"has {path.stat().st_size / 1e6:.0f} MB; at most {MOST_BYTES / 1e6:.0f} MB are read")
-    try:
-        vertices, triangles = FORMATS[ending](path.read_bytes(), path, upright)
-        points, corners = np.array(vertices, dtype=np.float64), np.array(triangles, dtype=np.int64)
-    except InputError:
-        raise
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}") from None
-    except Exception as error:  # each reader fails in its own way, none in words for the user
-        words = " ".join(str(error).split())[:100]
-        raise InputError(f"cannot be read, its content is not that of a {ending} file ({words})") from error
+    vertices, triangles = read_by_ending(path, FORMATS, upright)
+    points, corners = np.array(vertices, dtype=np.float64), np.array(triangles, dtype=np.int64)
     if len(corners) == 0:
         raise InputError("is empty, it holds no triangles")
     if len(corners) > MOST_TRIANGLES:
         raise InputError(f"has {len(corners)} triangles; at most {MOST_TRIANGLES} are used: simplify it")
-    if points.shape[1:] != (3,) or corners.shape[1:] != (3,):
-        raise InputError(f"its vertices have {points.shape[-1]} coordinates; 3 are needed")
-    _check_range(points, corners)
     return points, corners
-
-
-def _check_range(vertices: Sequence[Any] | Array, triangles: Rows) -> None:
-    """Check that the triangles' vertices exist: a negative index would count from the end."""
-    for wrong in (int(triangles.min(initial=0)), int(triangles.max(initial=-1))):
-        if not 0 <= wrong < len(vertices) and len(triangles):
-            raise InputError(f"a triangle has vertex {wrong} (counted from 0); there are {len(vertices)} vertices")
 
 
 # --- files beside a mesh file -----------------------------------------------------------------------------------------

@@ -62,6 +62,12 @@ def matrices_of(vectors: Array) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
+def slight_turns(count: int, angle: float) -> Array:
+    """Return rotation matrices (count, 3, 3) by a small angle [rad] about axes drawn at random, always the same."""
+    axes = np.random.default_rng(0).normal(size=(count, 3))
+    return matrices_of(angle * axes / np.linalg.norm(axes, axis=1, keepdims=True))
+
+
 def turn_of(matrix: Array) -> float:
     """Return the angle [rad] of a rotation matrix (3, 3)."""
     return float(np.linalg.norm(vectors_of(matrix[None])))

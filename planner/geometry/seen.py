@@ -6,7 +6,8 @@ from typing import assert_never, cast
 
 import numpy as np
 
-from hdplan.planner.geometry.clouds import balls_in, boxes_mesh, cloud_words, drawn_boxes, part_bounds
+from hdplan.planner.geometry.clouds import balls_in, cloud_words, drawn_boxes, part_bounds
+from hdplan.planner.geometry.drawn_shapes import boxes_mesh
 from hdplan.planner.geometry.voxel_grids import boxes_in, map_words
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.clouds import Cloud

@@ -87,10 +87,6 @@ def shape_of(geometry: Any) -> Shape | None:
     return None
 
 
-def _points_words(shape: Points) -> str:
-    return f"hull of {len(shape.points)} points"
-
-
 def _points_coal(shape: Points, field: str) -> Any:
     corners = np.array(shape.points)
     if thinness(corners) <= FLAT_RATIO:
@@ -232,7 +228,7 @@ TABLE: dict[type, Operations] = {
     ),
     Points: Operations(
         fields="points",
-        words=_points_words,
+        words=lambda shape: f"hull of {len(shape.points)} points",
         coal=_points_coal,
         inertia=lambda shape, mass, _: _even(trimesh.convex.convex_hull(shape.points), mass),
         triangles=lambda shape: hull_triangles(np.array(shape.points)),

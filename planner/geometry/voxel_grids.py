@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
 from pathlib import Path
 from typing import assert_never
 
 import numpy as np
 
+from hdplan.planner.geometry.data_files import numpy_readers, read_by_ending
 from hdplan.planner.geometry.octomap_files import DEPTH, read_octomap
 from hdplan.scenes.array_types import Array, Mask, Rows
-from hdplan.scenes.errors import FieldError, InputError, naming, nearest
+from hdplan.scenes.errors import FieldError, InputError, naming
 from hdplan.scenes.files import Stamps, read_file, stamps_of
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import made_once
@@ -122,22 +122,10 @@ def _of_octomap(shape: OctoMap) -> tuple[Mask, float, Array]:
 
 def _read(path: Path) -> np.ndarray:
     """Read a grid (x, y, z): the array `occupied`, or the only one."""
-    ending = path.suffix.lower()
-    if ending not in (".npz", ".npy"):
-        raise InputError(f"format '{path.suffix}' is not known{nearest(ending, ('.npz', '.npy'))}")
-    data = read_file(path)
     try:
-        held = np.load(io.BytesIO(data), allow_pickle=False)
-        if ending == ".npz":
-            names = held.files
-            if "occupied" not in names and len(names) != 1:
-                raise InputError(f"holds the arrays {', '.join(names) or 'none'}: the grid must be named `occupied`")
-            held = held["occupied" if "occupied" in names else names[0]]
-        return checked_grid(np.asarray(held))
+        return checked_grid(read_by_ending(path, FORMATS))
     except FieldError as error:
         raise InputError(error.problem) from None
-    except InputError:
-        raise
-    except Exception as error:  # NumPy fails in many ways, none in words for the user
-        words = " ".join(str(error).split())[:100]
-        raise InputError(f"cannot be read, its content is not that of a {ending} file ({words})") from error
+
+
+FORMATS = numpy_readers("occupied", "grid")

@@ -28,7 +28,7 @@ from hdplan.planner.job.compound import LEAST_ROWS, MOST_ROWS, ROWS, Arc, Driven
 from hdplan.planner.job.curves import corner_of, leg_of, link_of, radius_link, settled
 from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.joining import Piece, exactly_timed, one_after_other
-from hdplan.planner.job.overlap import in_step, longest_overlap, overlapped, slowed
+from hdplan.planner.job.overlap import columns_of, in_step, longest_overlap, overlapped, slowed
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.retimed import retimed_path
 from hdplan.planner.job.stage_scenes import stage_setup, stage_source
@@ -89,10 +89,9 @@ def blended(world: World, pieces: Sequence[Piece], late: Late) -> tuple[list[Pie
     """Return the pieces of stages, each planned from rest to rest, with those blended that are to be; `world` is what
     there is at first. Where that does not lead to a certificate, takes longer, or time is up, they stop as they were
     planned, with a note. Raises InputError as `certified_stage`."""
-    assert world.scene.job is not None
-    found, notes, names = [*pieces], [], world.scene.job.names
+    found, notes, names = [*pieces], [], world.job.names
     scene = with_stops(world.scene, [len(pieces) - 1]) if len(pieces) < len(names) else world.scene
-    open_ = [range(each[0], min(each[-1] + 1, len(pieces))) for each in groups_of(world.scene.job.stages)]
+    open_ = [range(each[0], min(each[-1] + 1, len(pieces))) for each in groups_of(world.job.stages)]
     while open_:
         group = open_.pop(0)
         if len(group) < 2:  # the last one that was planned
@@ -112,8 +111,7 @@ def blended(world: World, pieces: Sequence[Piece], late: Late) -> tuple[list[Pie
 
 def _as_one(world: World, group: range, pieces: Sequence[Piece], late: Late) -> list[Piece]:
     """Blend one group of stages. Raises NotBlendedError."""
-    assert world.scene.job is not None
-    stages, why, rested = world.scene.job.stages, "", sum(piece.motion.duration or 0.0 for piece in pieces)
+    stages, why, rested = world.job.stages, "", sum(piece.motion.duration or 0.0 for piece in pieces)
     starts = [k for k in group if k == group[0] or not _are_curves(stages, k - 1)]
     runs = [range(first, last) for first, last in itertools.pairwise([*starts, group[-1] + 1])]
     worlds = _worlds(world, group, pieces)
@@ -172,8 +170,7 @@ def _ways(
 
 def _worlds(world: World, group: range, pieces: Sequence[Piece]) -> list[World]:
     """Return the world before each stage; a curve begins where the stage before would have ended."""
-    assert world.scene.job is not None
-    found, stages = [], world.scene.job.stages
+    found, stages = [], world.job.stages
     for number, piece in zip(group, pieces, strict=True):
         if world.corner is not None and isinstance(stage := stages[number], Curve):
             (q,) = piece.motion.positions[:1]
@@ -201,8 +198,7 @@ def _unit(worlds: Sequence[World], run: range, pieces: Sequence[Piece], first: i
 def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], finer: int) -> _Unit:
     """Return the motion along curves that are blended."""
     world = worlds[0]
-    assert world.scene.job is not None
-    stages = [world.scene.job.stages[k] for k in run]
+    stages = [world.job.stages[k] for k in run]
     robot, driven = stage_setup(world, run[0]).robot, []
     for number, there, stage, piece in zip(run, worlds, stages, pieces, strict=True):
         assert isinstance(stage, Curve)
@@ -277,26 +273,21 @@ def _overlapping(
     all of it takes the least time. Raises HdplanError where the limits leave no room."""
     if len(units) == 1:
         return [*units], []
-    assert worlds[0].scene.job is not None
-    stages, first = worlds[0].scene.job.stages, runs[0][0]
+    stages, first = worlds[0].job.stages, runs[0][0]
     found: list[tuple[float, list[_Unit], list[float]]] = []
     why = HdplanError("the limits leave no room for the two motions to overlap")
     for slower in TIME_FACTORS:
         in_time()
-        tried = [
-            _Unit(in_step(slowed(unit.motion, slower), _rate(worlds[0])), unit.marks)
-            if isinstance(stages[run[0]], Move)
-            else unit
-            for unit, run in zip(units, runs, strict=True)
-        ]
+        tried = [*units]
+        for k, run in enumerate(runs):
+            if isinstance(stages[run[0]], Move):
+                tried[k] = replace(units[k], motion=in_step(slowed(units[k].motion, slower), _rate(worlds[0])))
+        pairs = zip(runs, itertools.pairwise(tried), strict=False)
         try:
-            overlaps = [
-                _overlap(worlds[run[-1] - first], run[-1], *pair)
-                for run, pair in zip(runs, itertools.pairwise(tried), strict=False)
-            ]
+            overlaps = [_overlap(worlds[run[-1] - first], run[-1], *pair) for run, pair in pairs]
+        except InputError:
+            raise
         except HdplanError as error:
-            if isinstance(error, InputError):
-                raise
             why = error
             continue
         found.append((sum(unit.motion.duration or 0.0 for unit in tried) - sum(overlaps), tried, overlaps))
@@ -316,8 +307,7 @@ def _sooner(
     """Yield the motions of all stages that are driven along the sums of units, as far as these may overlap by their
     radii, timed again, where that takes less time than a motion does; the quickest first. There are none where tools
     have speeds of their own, or curves are blended into one another: these need more than a path."""
-    assert worlds[0].scene.job is not None
-    curves = [stage for k in group if isinstance(stage := worlds[0].scene.job.stages[k], Curve)]
+    curves = [stage for k in group if isinstance(stage := worlds[0].job.stages[k], Curve)]
     rated = any(each.tool_speed is not None or each.tool_acceleration is not None for each in curves)
     if rated or len(units) < len(group):
         return
@@ -327,7 +317,7 @@ def _sooner(
     except HdplanError:  # motions that are not slowed are within a radius for less than a row
         return
     added = [_added(units, [share * each for each in overlaps]) for share in OVERLAP_SHARES[:2]]
-    speeds = np.array([worlds[0].scene.job.stages[k].speed for k in group])
+    speeds = np.array([worlds[0].job.stages[k].speed for k in group])
     for motion, marks in retimed_path(_as_one_motion(worlds[0], group), added, speeds, in_time):
         if motion.times is None or than.duration is None or motion.times[-1] >= than.duration:
             return
@@ -338,8 +328,7 @@ def _sooner(
 def _overlap(world: World, number: int, one: _Unit, other: _Unit, limited: bool = True) -> float:
     """Return for how long the motion that ends with a stage may overlap with that of the next one [s]; by the radius
     alone, if the limits are not to count."""
-    assert world.scene.job is not None
-    stage = world.scene.job.stages[number]
+    stage = world.job.stages[number]
     assert isinstance(stage, ArmStage)
     here = JointTarget("goal", positions=world.start.positions)
     setup = stage_setup(world, number).changed(goal=here, path=PathConstraints())
@@ -379,10 +368,7 @@ def _cut(whole: Trajectory, marks: Sequence[float]) -> list[Trajectory]:
 def _between(motion: Trajectory, begins: Array, ends: Array) -> Trajectory:
     """Return this motion from joint values (n,) to others, from which it differs by rounding: stages around it were
     planned to there, and from there."""
-    positions = np.concatenate([begins[None], motion.positions[1:-1], ends[None]])
-    return Trajectory(
-        motion.joint_names, positions, motion.locked, motion.times, motion.velocities, motion.accelerations
-    )
+    return replace(motion, positions=np.concatenate([begins[None], motion.positions[1:-1], ends[None]]))
 
 
 def _rate(world: World) -> float:
@@ -417,27 +403,16 @@ def _passes(motion: Trajectory, q: Array, near: float) -> float:
 
 def _with_row(motion: Trajectory, time: float) -> tuple[Trajectory, int]:
     """Return this motion with a row at a time, and the row's number; an existing row, if it is close."""
-    times = motion.times
-    assert times is not None
-    assert motion.velocities is not None
-    assert motion.accelerations is not None
+    columns = columns_of(motion)
+    times = columns[1]
     after = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
     nearest = after - int(time - times[after - 1] < times[after] - time)
     if abs(time - times[nearest]) < LEAST_ROW_GAP:
         return motion, nearest
     at = motion.at_time(time)
-    rows = (
-        np.insert(kept, after, put, axis=0)
-        for kept, put in (
-            (motion.positions, at.positions),
-            (times, time),
-            (motion.velocities, at.velocities),
-            (motion.accelerations, at.accelerations),
-        )
-    )
-    positions, instants, velocities, accelerations = rows
-    found = Trajectory(motion.joint_names, positions, motion.locked, instants, velocities, accelerations)
-    return found, after
+    put = at.positions, np.asarray(time), at.velocities, at.accelerations
+    positions, *rates = (np.insert(kept, after, new, axis=0) for kept, new in zip(columns, put, strict=True))
+    return Trajectory(motion.joint_names, positions, motion.locked, rates[0], rates[1], rates[2]), after
 
 
 def _certified(

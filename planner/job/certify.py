@@ -55,10 +55,10 @@ class StageCertificate:
     ends: float  # [s]
     held: tuple[str, ...]  # objects that are held in it
     touch: Touch  # pairs that may touch in it
-    scene: Scene  # of its motion: one like any other
+    scene: Scene  # the scene of its motion, like any other
     trajectory: Trajectory  # its part of the motion, at its own times
     certificate: Certificate
-    arm: Scene | None = None  # of the arm that stands still, where fingers move
+    arm: Scene | None = None  # the scene of the arm, which stands still where fingers move
     notes: tuple[str, ...] = ()  # on pairs that may touch: far from each other, or overlapping
     blend: float = 0.0  # [m] radius of the blend into the next one; 0: it ends at rest
     passing: tuple[str, ...] = ()  # ends, "start" or "goal", where the robot does not stop
@@ -92,17 +92,13 @@ class Proven:
             and (self.after.rates is None or ends[0] == ends[1])
         ):
             return None
-        worst, self_worst = (
+        worst, own = (
             each and replace(each, seconds=float(curve.time_of(each.parameter)))
             for each in (certificate.worst, certificate.self_worst)
         )
-        later = replace(
-            self.stage,
-            begins=float(curve.times[0]),
-            ends=float(curve.times[-1]),
-            trajectory=part,
-            certificate=replace(certificate, worst=worst, self_worst=self_worst),
-        )
+        first, last = float(curve.times[0]), float(curve.times[-1])
+        later = replace(self.stage, begins=first, ends=last, trajectory=part)
+        later = replace(later, certificate=replace(certificate, worst=worst, self_worst=own))
         return later, replace(self.after, scene=world.scene)
 
 
@@ -129,9 +125,9 @@ class JobCertificate:
     """The verdict on a whole job."""
 
     job: str  # the scene's name
-    stages: tuple[StageCertificate, ...]  # as far as the motion goes
+    stages: tuple[StageCertificate, ...]  # the stages that the motion has
     missing: tuple[str, ...] = ()  # the stages that the motion does not have
-    seen: tuple[str, ...] = ()  # notes on all of it: on points of clouds that were left out, and on stops
+    seen: tuple[str, ...] = ()  # notes on the whole job: points of clouds that were left out, stops
 
     @property
     def certified(self) -> bool:
@@ -156,12 +152,9 @@ class JobCertificate:
             return f"stage '{stage.name}': {stage.certificate.text}"
         if self.missing:
             return f"not whole: {len(self.stages)} stages are proven, '{self.missing[0]}' has no motion"
-        clearance = self.clearance
-        away = (
-            ""
-            if clearance is None
-            else f", at least {proven_length(clearance)} to every obstacle that may not be touched"
-        )
+        away = ""
+        if (clearance := self.clearance) is not None:
+            away = f", at least {proven_length(clearance)} to every obstacle that may not be touched"
         duration = self.stages[-1].ends - self.stages[0].begins
         joined = sum(bool(getattr(stage, "blend", 0.0)) for stage in self.stages)
         ends = f"{joined} of them blended" if joined else "each from rest to rest"
@@ -236,10 +229,9 @@ def stage_motion(trajectory: Trajectory, number: int) -> Trajectory:
 
 def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageCertificate, World]:
     """Certify the motion of one stage from what there is before it; also return what there is after it."""
-    assert world.scene.job is not None
-    stage, name = world.scene.job.stages[number], world.scene.job.names[number]
-    times = part.times
-    assert times is not None
+    stage, name = world.job.stages[number], world.job.names[number]
+    assert part.times is not None
+    begins, ends = float(part.times[0]), float(part.times[-1])
     if world.corner is not None and isinstance(stage, CurveStage):
         with naming(stage_source(world.scene, number)):
             world = replace(world, corner=_settled(world, number, part))
@@ -258,27 +250,16 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
     wrong = ""
     if isinstance(stage, Set | Wait | Grip | Release) and not fingers and np.ptp(curve.control, axis=(0, 1)).any():
         wrong = "the robot moves where it is to stand still"
-    elif isinstance(stage, Wait) and not times[-1] - times[0] >= stage.seconds - SAME_TIME:
-        wrong = f"the robot waits {times[-1] - times[0]:g} s, the job has {stage.seconds:g} s"
+    elif isinstance(stage, Wait) and not ends - begins >= stage.seconds - SAME_TIME:
+        wrong = f"the robot waits {ends - begins:g} s, the job has {stage.seconds:g} s"
     elif isinstance(stage, Move) and blend:
         wrong = _beyond_radius(world, number, setup.robot, curve.rows[-1])
     if wrong:
         text = f"{Status.WRONG_ENDS.value.replace('_', ' ')}: {wrong}"
         certificate = replace(certificate, status=Status.WRONG_ENDS, text=text)
-    found = StageCertificate(
-        name,
-        stage.kind,
-        float(times[0]),
-        float(times[-1]),
-        tuple(each.name for each in world.held),
-        stage.touch,
-        scene,
-        part,
-        certificate,
-        arm,
-        blend=float(blend),
-        passing=passing,
-    )
+    held = tuple(each.name for each in world.held)
+    shown = begins, ends, held, stage.touch, scene, part, certificate, arm
+    found = StageCertificate(name, stage.kind, *shown, blend=float(blend), passing=passing)
     there = after(world, number, certifier.robot, curve.rows[-1])
     if blend:
         there = replace(there, rates=_rates_at_end(curve, setup.robot, part), corner=corner_of(world, number))
@@ -288,8 +269,7 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
 def _passed(curve: Curve, rates: Rates) -> JointTarget:
     """Return the end of a stage that is blended into the next one, and the robot's rates there: the middle of the
     blend, of which its path constraints or its radius say where it may be."""
-    velocity, acceleration = rates
-    return JointTarget("goal", tuple(curve.rows[-1].tolist()), velocity=velocity, acceleration=acceleration)
+    return JointTarget("goal", tuple(curve.rows[-1].tolist()), velocity=rates[0], acceleration=rates[1])
 
 
 def _rates_at_end(curve: Curve, robot: Robot, part: Trajectory) -> Rates:
@@ -324,8 +304,7 @@ def _settled(world: World, number: int, part: Trajectory) -> Corner:
 def _beyond_radius(world: World, number: int, robot: Robot, q: Array) -> str:
     """Return the distance, in words, from its goal at which a move passes into the next stage; empty if that is within
     its radius."""
-    assert world.scene.job is not None
-    stage = world.scene.job.stages[number]
+    stage = world.job.stages[number]
     assert isinstance(stage, Move)
     link = radius_link(world, number)
 
@@ -370,8 +349,7 @@ def _with_the_arm(certificate: Certificate, setup: Setup) -> Certificate:
 def _on_touch(world: World, number: int, part: Trajectory) -> tuple[str, ...]:
     """Return notes on pairs that may touch in a stage: those that are far apart at its beginning and at its end, and
     those that overlap there, which no proof examines."""
-    assert world.scene.job is not None
-    stage, name = world.scene.job.stages[number], world.scene.job.names[number]
+    stage, name = world.job.stages[number], world.job.names[number]
     if not stage.touch and not (world.held and moves_fingers(stage)):
         return ()
     notes = []

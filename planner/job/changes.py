@@ -29,8 +29,7 @@ GRIP_REACH = 5e-3  # [m] greatest distance between a gripper and an object that 
 def after(world: World, number: int, robot: Robot, q: Array) -> World:
     """Return the world after a stage whose motion ends at joint values q (n,) of its own scene's robot. Raises
     InputError for an object that is out of reach, and for fingers that carry what another hand holds, too."""
-    assert world.scene.job is not None
-    stage = world.scene.job.stages[number]
+    stage = world.job.stages[number]
     match stage:
         case Move() | Curve():
             arm = tuple(zip((joint for joint, _ in world.arm), q.tolist(), strict=True))
@@ -93,18 +92,8 @@ def _taken(world: World, stage: Grip, name: str) -> World:
 def _check_reach(world: World, thing: Obstacle, holding: list[str]) -> None:
     """Refuse a grip of an object in which one of the holding links is not close to the object."""
     bare = replace(world.scene.robot, locked={**world.scene.robot.locked, **dict(world.hand)})
-    scene = derived(
-        world.scene,
-        job=None,
-        robot=bare,
-        start=world.start,
-        goal=world.start,
-        payload=None,
-        attached=(),
-        limits=Limits(),
-        timing=None,
-        obstacles=(thing,),
-    )
+    alone = {"job": None, "payload": None, "attached": (), "limits": Limits(), "timing": None, "obstacles": (thing,)}
+    scene = derived(world.scene, robot=bare, start=world.start, goal=world.start, **alone)
     near = {place.link for place, _ in Certifier(Setup.of(scene)).too_close(world.q, GRIP_REACH)}
     if far := [link for link in holding if link not in near]:
         raise MisplacedError(

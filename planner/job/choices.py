@@ -44,10 +44,7 @@ from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
 
 TIME_SHARE = 0.3  # of the time left, for one motion, or a look ahead, where there are others to try
 FOLLOWING_SHARE = 0.5  # of the time left, for all that follows a motion to one of several goals
-ROUNDS = (
-    (True,),
-    (True, False),
-)  # for each look ahead: are curves behind the next move followed plainly
+ROUNDS = ((True,), (True, False))  # for each look ahead: are curves behind the next move followed plainly
 CONFIGURATIONS_PER_POSE = 3  # goal configurations of a move for every pose
 BEGINNINGS = 4  # of a curve that are tried for each configuration of a move's goal
 
@@ -309,22 +306,16 @@ class Search:
 
     def _moved(self, world: World, number: int, goal: JointTarget, others: bool) -> Piece:
         """Plan a move of the arm to one configuration. Raises StageFailedError."""
-        scene = stage_setup(world, number).requested
-        left = max(0.0, self._until - time.perf_counter())
-        aimed = derived(scene, goal=goal)
+        setup = stage_setup(world, number)
+        scene, robot = setup.requested, setup.robot
+        left = max(0.0, self._until - time.perf_counter()) * (TIME_SHARE if others else 1.0)
         try:
-            result = plan(
-                aimed,
-                seed=self.seed,
-                time_limit=left * (TIME_SHARE if others else 1.0),
-                report=self.report,
-                stop=self.stop,
-            )
+            aimed = derived(scene, goal=goal)
+            result = plan(aimed, seed=self.seed, time_limit=left, report=self.report, stop=self.stop)
         except (UnsolvableError, TimeLimitError) as error:
             raise StageFailedError(_cause(error, scene)) from None
         if not result.certified:
             raise StageFailedError("interrupted" if self.stop() else result.certificate.text)
-        robot = stage_setup(world, number).robot
         rows = curve_of(robot, result.trajectory).rows
         return Piece(exactly_timed(result.trajectory), after(world, number, robot, rows[-1]), result.notes)
 

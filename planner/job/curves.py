@@ -7,7 +7,7 @@ what is left of the chords is within all of it of the arc. Turns are spread even
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -22,7 +22,7 @@ from hdplan.planner.robot.link_frame import end_effector, link_frame
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import TOOL, WORLD, Along, Circle, Curve, Line
 from hdplan.scenes.errors import InputError, MisplacedError, nearest
-from hdplan.scenes.job import Move, Stage
+from hdplan.scenes.job import Move
 from hdplan.scenes.path_constraints import MOST_POSES, MOST_TURN, Follow, PathConstraints
 from hdplan.scenes.poses import Pose, Vector3, from_rpy
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -35,39 +35,22 @@ HALF_TURN = 1e-3  # [rad] around half a turn, where a centre does not say which 
 def along_curve(world: World, number: int) -> dict[str, Any]:
     """Return the goal and the path constraints of a stage. Raises InputError for a link that does not move, an unknown
     frame, a degenerate arc, a curve without length, poses that begin elsewhere, and blends that are not possible."""
-    assert world.scene.job is not None
-    stage = world.scene.job.stages[number]
-    assert isinstance(stage, Curve)
-    poses, lost = blended_poses(world, number)
-    target = PoseTarget(
-        link_of(stage, world),
-        pose_of(poses[-1]),
-        stage.position_tolerance,
-        stage.orientation_tolerance,
-        stage.free_rotation,
-        field="goal",
-    )
-    follow = Follow(
-        link_of(stage, world),
-        poses_of(poses),
-        stage.position_tolerance - lost,
-        stage.orientation_tolerance * (1.0 - CHORD_SHARE if stage.blend or world.corner is not None else 1.0),
-        stage.free_rotation,
-        stage.tool_speed,
-        stage.tool_acceleration,
-        *_comes_and_goes(world, number),
-    )
+    stage = world.curve(number)
+    (poses, lost), link, free = blended_poses(world, number), link_of(stage, world), stage.free_rotation
+    distance, angle = stage.position_tolerance, stage.orientation_tolerance
+    target = PoseTarget(link, pose_of(poses[-1]), distance, angle, free, field="goal")
+    angle *= 1.0 - CHORD_SHARE if stage.blend or world.corner is not None else 1.0
+    rates = stage.tool_speed, stage.tool_acceleration
+    follow = Follow(link, poses_of(poses), distance - lost, angle, free, *rates, *_comes_and_goes(world, number))
     return {"goal": Goals((target,)), "path": PathConstraints(follow=follow)}
 
 
 def _comes_and_goes(world: World, number: int) -> tuple[float | None, float | None]:
     """Return the radii within which the link of a stage comes from a move, and goes over into one; None if it does not.
     Raises InputError for radii that are larger than the curve, or overlap."""
-    assert world.scene.job is not None
-    stage, corner = world.scene.job.stages[number], world.corner
-    assert isinstance(stage, Curve)
+    stage, corner = world.curve(number), world.corner
     comes = corner.radius if corner is not None and not corner.curve else None
-    goes = stage.blend if stage.blend and isinstance(world.scene.job.stages[number + 1], Move) else None
+    goes = stage.blend if stage.blend and isinstance(world.job.stages[number + 1], Move) else None
     leg, _ = leg_of(world, number)
     with _blending():
         first = joint_before(world, leg)
@@ -103,16 +86,13 @@ def begins_at(stage: Curve, world: World) -> Array:
 def leg_of(world: World, number: int) -> tuple[Leg, float]:
     """Return the curve of a stage from its beginning to its end, as if nothing were blended, and how far its chords may
     be away from it [m]. Raises InputError as `along_curve`."""
-    assert world.scene.job is not None
-    stages = world.scene.job.stages
-    stage = stages[number]
-    assert isinstance(stage, Curve)
+    stage = world.curve(number)
     begins, lost = begins_at(stage, world), 0.0
     match stage:
         case Line():
             poses = np.stack([begins, _end(stage, world, begins)])
         case Circle():
-            near = [each.position_tolerance for each in _blended_with(stages, number)]
+            near = [each.position_tolerance for each in _blended_with(world, number)]
             poses, lost = _arc(stage, world, begins, _end(stage, world, begins), min(near))
         case Along():
             poses = _frame(stage, world, begins) @ np.array([pose.matrix for pose in stage.poses])
@@ -123,22 +103,19 @@ def leg_of(world: World, number: int) -> tuple[Leg, float]:
     return Leg(poses, stage.free_rotation, stage.tool_speed, stage.tool_acceleration), lost
 
 
-def _blended_with(stages: Sequence[Stage], number: int) -> list[Curve]:
+def _blended_with(world: World, number: int) -> list[Curve]:
     """Return a curve with its blended neighbours."""
-    near = [number, *([number + 1] if stages[number].blend else [])]  # type: ignore[union-attr]
-    if number > 0 and getattr(stages[number - 1], "blend", False):
-        near.append(number - 1)
-    return [each for i in near if isinstance(each := stages[i], Curve)]
+    stages, first = world.job.stages, max(number - 1, 0)
+    near = {number, *(k for k in (first, number + 1) if getattr(stages[min(k, number)], "blend", 0.0))}
+    return [each for k in near if isinstance(each := stages[k], Curve)]
 
 
 def blended_poses(world: World, number: int) -> tuple[Array, float]:
     """Return the poses (N, 4, 4) that the link of a stage follows, from the middle of the blend before it to that of
     the blend after it, and how far the curve may be from their chords [m]. Raises InputError."""
-    assert world.scene.job is not None
-    stage = world.scene.job.stages[number]
-    assert isinstance(stage, Curve)
+    stage = world.curve(number)
     leg, lost = leg_of(world, number)
-    distance = min(each.position_tolerance for each in _blended_with(world.scene.job.stages, number))
+    distance = min(each.position_tolerance for each in _blended_with(world, number))
     fine = distance, stage.orientation_tolerance
     first, last, parts = 0.0, 1.0, []
     if (before := joint_before(world, leg)) is not None:
@@ -174,10 +151,8 @@ def joint_before(world: World, leg: Leg) -> Blend | None:
 
 def joint_behind(world: World, number: int, leg: Leg) -> Blend | None:
     """Return the blend in which a stage with this curve ends. Raises InputError."""
-    assert world.scene.job is not None
-    stage = world.scene.job.stages[number]
-    assert isinstance(stage, Curve)
-    if not stage.blend or not isinstance(world.scene.job.stages[number + 1], Curve):
+    stage = world.curve(number)
+    if not stage.blend or not isinstance(world.job.stages[number + 1], Curve):
         return None
     there = replace(world, corner=corner_of(world, number))
     second, _ = leg_of(there, number + 1)
@@ -198,8 +173,7 @@ def _blending() -> Iterator[None]:
 def corner_of(world: World, number: int) -> Corner | None:
     """Return the corner at which a stage that is blended into the next one would have ended; None between two moves, of
     which the second is to anywhere. Raises InputError for a move to several goals, before a curve."""
-    assert world.scene.job is not None
-    stages = world.scene.job.stages
+    stages = world.job.stages
     if not any(isinstance(each, Curve) for each in stages[number : number + 2]):
         return None
     stage, link = stages[number], radius_link(world, number)
@@ -220,8 +194,7 @@ def corner_of(world: World, number: int) -> Corner | None:
 def radius_link(world: World, number: int) -> str:
     """Return the link of which the radius of a blend is meant: that of the curve, or else that of a pose to which a
     move leads. Raises InputError."""
-    assert world.scene.job is not None
-    stage, following = world.scene.job.stages[number : number + 2]
+    stage, following = world.job.stages[number : number + 2]
     for each in (stage, following):
         if isinstance(each, Curve):
             return link_of(each, world)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdplan.planner.job.certify import Proven
+from hdplan.planner.job.overlap import columns_of
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.scenes.array_types import Array
@@ -79,11 +80,9 @@ def one_after_other(motions: Sequence[Trajectory]) -> Trajectory:
     rows: list[list[Array]] = [[], [], [], []]
     begins = 0.0
     for i, motion in enumerate(motions):
-        assert motion.times is not None
-        assert motion.velocities is not None
-        assert motion.accelerations is not None
-        times = begins + (motion.times - motion.times[0])
-        for kept, given in zip(rows, (motion.positions, times, motion.velocities, motion.accelerations), strict=True):
+        positions, times, *rates = columns_of(motion)
+        times = begins + (times - times[0])
+        for kept, given in zip(rows, (positions, times, *rates), strict=True):
             kept.append(given[min(i, 1) :])
         begins = float(times[-1])
     positions, times, velocities, accelerations = (np.concatenate(each) for each in rows)

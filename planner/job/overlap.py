@@ -9,6 +9,7 @@ Their rows are those of both, so that the sum is a quintic between them, too.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.link_frame import frames_of, link_poses
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 
 TIME_DIGITS = 9  # of times [s]: rows that are closer are one
@@ -25,15 +27,22 @@ RADIUS_SHARE = 0.95  # of a radius, to which both motions keep
 OVERLAP_FACTOR = 0.85  # from one overlap to the next one that is tried
 
 
+def columns_of(motion: Trajectory) -> tuple[Array, Array, Array, Array]:
+    """Return positions, times, velocities and accelerations of a motion that has them all."""
+    assert motion.times is not None
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    return motion.positions, motion.times, motion.velocities, motion.accelerations
+
+
 def overlapped(first: Trajectory, second: Trajectory, overlap: float) -> Trajectory:
     """Return both as one motion that begins at time 0; `overlap` [s] is shorter than each of them."""
-    assert first.times is not None
-    assert second.times is not None
-    ends, begins = first.times - first.times[0], second.times - second.times[0]
+    of_first, of_second = columns_of(first)[1], columns_of(second)[1]
+    ends, begins = of_first - of_first[0], of_second - of_second[0]
     later = float(ends[-1]) - overlap
     times = np.unique(np.round(np.concatenate([ends, later + begins]), TIME_DIGITS))
-    one = first.at_time(first.times[0] + np.clip(times, 0.0, ends[-1]))
-    other = second.at_time(second.times[0] + np.clip(times - later, 0.0, begins[-1]))
+    one = first.at_time(of_first[0] + np.clip(times, 0.0, ends[-1]))
+    other = second.at_time(of_second[0] + np.clip(times - later, 0.0, begins[-1]))
     positions = one.positions + (other.positions - second.positions[0])
     velocities, accelerations = one.velocities + other.velocities, one.accelerations + other.accelerations
     return Trajectory(first.joint_names, positions, first.locked, times, velocities, accelerations)
@@ -41,12 +50,9 @@ def overlapped(first: Trajectory, second: Trajectory, overlap: float) -> Traject
 
 def slowed(motion: Trajectory, factor: float) -> Trajectory:
     """Return the motion slowed by a factor, beginning at time 0."""
-    assert motion.times is not None
-    assert motion.velocities is not None
-    assert motion.accelerations is not None
-    times = factor * (motion.times - motion.times[0])
-    rates = motion.velocities / factor, motion.accelerations / factor**2
-    return Trajectory(motion.joint_names, motion.positions, motion.locked, times, *rates)
+    _, times, velocities, accelerations = columns_of(motion)
+    times, velocities, accelerations = factor * (times - times[0]), velocities / factor, accelerations / factor**2
+    return replace(motion, times=times, velocities=velocities, accelerations=accelerations)
 
 
 def in_step(motion: Trajectory, rate: float) -> Trajectory:

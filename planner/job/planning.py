@@ -37,7 +37,7 @@ def plan_job(
 
     Args:
         scene: one with a job.
-        seed: of random first guesses and configurations; the same seed gives the same result, as far as the time limit
+        seed: of random guesses and configurations; the same seed gives the same result, as far as the time limit
             allows.
         time_limit: [s] for everything but the certificate, which an earlier `deadline.time_limit` does not cut short,
             either. The planned stages are returned, with the first missing stage and the reason.
@@ -46,7 +46,8 @@ def plan_job(
 
     Raises:
         InputError: for a scene without a job, and for errors in the scene, its robot or a stage, which the message
-        names. TimeLimitError: a `deadline.time_limit` passed before there was a motion.
+            names.
+        TimeLimitError: a `deadline.time_limit` passed before there was a motion.
     """
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
@@ -91,10 +92,7 @@ def plan_job(
         pieces, unblended = blended(first, pieces, late)
         trajectory = joined(pieces, scene.job)
         certificate = certified_job(scene, trajectory, [piece.proven for piece in pieces])
-    noted = (
-        *(note for piece in pieces for note in piece.notes),
-        *certificate.notes,
-    )
+    noted = itertools.chain(*(piece.notes for piece in pieces), certificate.notes)
     notes = tuple(dict.fromkeys((*scene.notes, *noted, *unblended, *refused)))
     return JobResult(scene, trajectory, certificate, failure, seed, notes, time.perf_counter() - began)
 

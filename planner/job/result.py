@@ -15,10 +15,10 @@ from hdplan.scenes.scene import Scene
 class JobResult:
     """The planned stages of a job and their certificate."""
 
-    scene: Scene  # with the job
-    trajectory: Trajectory  # of all joints that the job moves, with marks; of the first stages where one failed
+    scene: Scene  # the scene with the job
+    trajectory: Trajectory  # of all joints that the job moves, with marks; the first stages, where one failed
     certificate: JobCertificate
-    failure: str  # which stage could not be done, and why; empty if all were
+    failure: str  # the stage that could not be planned, and the reason; empty if all were
     seed: int
     notes: tuple[str, ...]  # on assumptions and abandoned choices
     seconds: float  # [s] that planning and certifying took

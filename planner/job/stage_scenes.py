@@ -38,8 +38,7 @@ from hdplan.scenes.timing import Timing
 def stage_scene(world: World, number: int) -> Scene:
     """Return the scene of the motion of a stage. Raises InputError, naming the stage, for names that there are not,
     and for what cannot be done from here."""
-    assert world.scene.job is not None
-    stage = world.scene.job.stages[number]
+    stage = world.job.stages[number]
     with naming(stage_source(world.scene, number)):
         match stage:
             case Move() | Curve() if world.taken:
@@ -80,8 +79,7 @@ def stage_certifier(world: World, number: int) -> Certifier:
 def standing_scene(world: World, number: int) -> Scene:
     """Return the scene in which the arm stands still when a stage of the fingers begins: theirs compares nothing
     that does not move with them."""
-    assert world.scene.job is not None
-    stage = replace(world.scene.job.stages[number], limits=None)
+    stage = replace(world.job.stages[number], limits=None)
     with naming(stage_source(world.scene, number)):
         scene = _of_arm(world, number, stage, goal=world.start)
     return derived(scene, limits=Limits(position=scene.limits.position), payload=None, timing=None)
@@ -125,16 +123,9 @@ def _made(world: World, number: int, stage: Stage, fields: dict[str, Any]) -> Sc
     limits = fields["limits"]
     if limits.acceleration is None:  # without it no proof says that a stage begins and ends at rest
         raise InputError("limits.acceleration: is missing in the stage's own limits")
-    found = derived(
-        scene,
-        job=None,
-        name=f"{scene.name} {number} {stage_name(stage, number)}",
-        obstacles=obstacles,
-        attached=attached,
-        payload=scene.payload if limits.torque is not None else None,
-        timing=Timing(scale=timing.scale * stage.speed, rate=timing.rate),
-        **fields,
-    )
+    fields |= {"job": None, "name": f"{scene.name} {number} {stage_name(stage, number)}", "obstacles": obstacles}
+    fields |= {"attached": attached, "payload": scene.payload if limits.torque is not None else None}
+    found = derived(scene, timing=Timing(scale=timing.scale * stage.speed, rate=timing.rate), **fields)
     object.__setattr__(found, "source", Path(stage_source(scene, number)))
     return found
 

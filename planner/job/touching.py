@@ -20,8 +20,7 @@ def touched(world: World, number: int, rows: Array) -> dict[tuple[str, str], flo
     """Return the least distance [m] of each pair that may touch in a stage, by its `touch` or as a finger that
     moves and what is held, at some configurations (k, n) of its scene's robot: negative where they overlap,
     infinite beyond GRIP_REACH."""
-    assert world.scene.job is not None
-    stages = list(world.scene.job.stages)
+    stages = list(world.job.stages)
     stages[number] = replace(stage := stages[number], touch=(), name=stage_name(stage, number))
     held = tuple(replace(each, touch_links=()) for each in world.held)
     bare = replace(world, scene=derived(world.scene, goal=None, job=Job(stages)), held=held)

@@ -15,7 +15,9 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.job import Job
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
@@ -50,9 +52,7 @@ class World:
     notes: tuple[str, ...] = ()  # on points of clouds that were left out
     rates: Rates | None = None  # the arm's, where it does not rest
     corner: Corner | None = None  # of the stage before, where that is blended into the next one
-    taken: tuple[
-        Attached, ...
-    ] = ()  # what is held, as another hand that holds it, too, carries it once it has it alone
+    taken: tuple[Attached, ...] = ()  # objects of two hands, as the second carries them once it has them alone
 
     @classmethod
     def at_first(cls, scene: Scene) -> World:
@@ -71,6 +71,18 @@ class World:
         named = {joint: robot.locked[joint] for joint in scene.start.by_name or () if joint in robot.locked}
         arm = tuple(zip(robot.joint_names, q.tolist(), strict=True))
         return cls(scene, arm, tuple(named.items()), _as_seen(setup), scene.attached, notes=setup.ignored)
+
+    @property
+    def job(self) -> Job:
+        """The job, which `at_first` has found."""
+        assert self.scene.job is not None
+        return self.scene.job
+
+    def curve(self, number: int) -> Curve:
+        """Return a stage along a curve."""
+        stage = self.job.stages[number]
+        assert isinstance(stage, Curve)
+        return stage
 
     @property
     def things(self) -> dict[str, Obstacle | Attached]:

@@ -19,19 +19,8 @@ from hdplan.scenes.values import shorten
 if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import StageMark, Trajectory
 
-KEYS = (
-    "hdplan_trajectory",
-    "joint_names",
-    "interpolation",
-    "positions",
-    "locked",
-    "times",
-    "velocities",
-    "accelerations",
-    "stages",
-    "verdict",
-    "steps",
-)
+FIELDS = ("joint_names", "positions", "locked", "times", *ROW_RATES, "stages")
+KEYS = ("hdplan_trajectory", "interpolation", *FIELDS, "verdict", "steps")
 
 
 def write_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -> bytes:
@@ -46,7 +35,7 @@ def write_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -
         *timed,
         *(_rows(key, values) for key in ROW_RATES if (values := getattr(trajectory, key)) is not None),
         *(
-            [f'"stages": {json.dumps([_mark(mark) for mark in trajectory.stages], allow_nan=False)}']
+            [f'"stages": {json.dumps(list(map(_mark, trajectory.stages)), allow_nan=False)}']
             if trajectory.stages
             else []
         ),
@@ -88,7 +77,7 @@ def read_json(data: bytes) -> dict[str, Any]:
         raise InputError(f"interpolation: '{content['interpolation']}', but the fields of its rows make it {rule}")
     if not isinstance(content.setdefault("stages", []), list):
         raise InputError("stages: a list of names and rows is expected")
-    return {key: content.get(key) for key in ("joint_names", "positions", "locked", "times", *ROW_RATES, "stages")}
+    return {key: content.get(key) for key in FIELDS}
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

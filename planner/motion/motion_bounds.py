@@ -82,16 +82,11 @@ class Motion:
 
     def __add__(self, other: Motion) -> Motion:
         """Return the sum of two motions of the same bodies, one of which is rest."""
-        return Motion(
-            self.omega + other.omega,
-            self.velocity + other.velocity,
-            self.first + other.first,
-            self.second + other.second,
-        )
+        return Motion(*map(np.add, self.parts, other.parts))
 
     def __getitem__(self, rows: Mask | NDArray[np.int64] | tuple[NDArray[np.int64], NDArray[np.int64]]) -> Motion:
         """Return some of the rows."""
-        return Motion(self.omega[rows], self.velocity[rows], self.first[rows], self.second[rows])
+        return Motion(*(part[rows] for part in self.parts))
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,7 +37,7 @@ class StageMark:
 
     name: str
     row: int  # of the trajectory
-    outputs: Mapping[str, bool | float | str] = field(default_factory=dict)  # that are set there
+    outputs: Mapping[str, bool | float | str] = field(default_factory=dict)  # outputs that are set there, by name
 
 
 @dataclass(frozen=True, eq=False)

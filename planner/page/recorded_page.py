@@ -48,7 +48,8 @@ from hdplan.planner.view.drawing.colors import (
 )
 from hdplan.planner.view.drawing.creases import creased
 from hdplan.planner.view.drawing.ground import ground_of
-from hdplan.planner.view.drawing.motion import Share, ShownMotion, millimetres
+from hdplan.planner.view.drawing.motion import POSTURES, Share, ShownMotion, few_of, millimetres
+from hdplan.planner.view.drawing.outline import Outline
 from hdplan.planner.view.drawing.shading import two_toned
 from hdplan.planner.view.drawing.skins import (
     ENDLESS,
@@ -65,7 +66,6 @@ from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.scene import Scene
 
 MOMENTS = 121  # at which the closest pair is computed, and moving obstacles are
-POSTURES = 7  # of the robot along a motion, for the camera
 ASPECT = 1.3  # of the picture, width by height
 GOOD = "#00724f", "#35c795"  # a certified verdict, on a light and on a dark ground
 BAD = "#a50026", "#ff7b7b"
@@ -269,19 +269,8 @@ def _boxes(scene: Scene, timeline: Timeline) -> Boxes:
 
 def _camera(robot: Robot, motions: Sequence[ShownMotion], boxes: Boxes) -> tuple[Any, ...]:
     """Return eye, target, opening [rad] and width by height of the picture, from where obstacles hide least."""
-    rows = [motion.joints[np.linspace(0, len(motion.joints) - 1, POSTURES).astype(int)] for motion in motions]
-    poses = _poses(robot, np.concatenate(rows))
-    outlines = []
-    for skin in collision_skins(robot):
-        low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
-        corners = np.where(_CORNERS, high, low)
-        for pose in poses[:, skin.joint]:
-            place = pin.XYZQUATToSE3(pose)
-            outlines.append(corners @ place.rotation.T + place.translation)
-    path = np.concatenate([motion.tip for motion in motions])
-    interest = np.concatenate([np.array([corners.mean(axis=0) for corners in outlines]), path[::10]])
-    view = best_view(np.concatenate(outlines), interest, path, boxes, ASPECT)
+    outline, path = Outline(robot), np.concatenate([motion.tip for motion in motions])
+    postures = [q for motion in motions for q in few_of(motion.joints)]
+    interest = np.concatenate([*map(outline.middles, postures), path[::10]])
+    view = best_view(np.concatenate([*map(outline.at, postures)]).reshape(-1, 3), interest, path, boxes, ASPECT)
     return view.eye, view.target, float(FOV), ASPECT
-
-
-_CORNERS = np.array(np.meshgrid([False, True], [False, True], [False, True])).reshape(3, 8).T

@@ -57,7 +57,7 @@ def self_margin(setup: Setup) -> float:
 
 
 def assemble(setup: Setup, query: Query, deadline: float = math.inf, closely: bool = False) -> Problem:
-    """Lay out the problem of a scene between two configurations. Raises InputError for errors in the scene or its
+    """Assemble the problem of a scene between two configurations. Raises InputError for errors in the scene or its
     robot.
 
     Optional work stops at `deadline` (time.perf_counter()): a mesh that is not split into convex pieces by then is
@@ -156,7 +156,7 @@ def with_seen_points(problem: Problem, points: ArrayLike | Cloud, name: str | No
 
 
 def on_frames(problem: Problem) -> Problem:
-    """Lay out the same problem with every standing obstacle on a frame of its own, so that it may be moved and grow: a
+    """Assemble the same problem with every static obstacle on a frame of its own, so that it may be moved and grow: a
     joint beyond the robot's and those of the moving ones, in the scene's order. All moving link bodies are paired with
     it, as what is proven of where it stands, and how large it is, does not hold of others."""
     scene, bodies, settings = problem.scene, problem.bodies, problem.scene.planner
@@ -182,7 +182,7 @@ def _between_links(model: CollisionModel, pairs: tuple[BodyPair, ...], margin: f
 
 
 def closer(problem: Problem, activation: float, quick: bool) -> Problem:
-    """Lay out the same problem again for the last touches to a motion: with a penalty that sets in at another distance
+    """Assemble the same problem again for the last touches to a motion: with a penalty that sets in at another distance
     [m], and, where the motion is to be quick within limits of velocity, with `PathSpeed` in place of most of the
     smoothness. Exact distances keep the margin at which it begins: they leave nothing for what happens between the
     samples."""
@@ -206,7 +206,7 @@ def more_closely(problem: Problem) -> Problem:
 
 def exactly(problem: Problem) -> Problem:
     """Return the problem with the exact distances of what the bodies enclose in place of the HD-SDF of the bodies,
-    from standing obstacles and between links; the problem itself with another distance."""
+    from static obstacles and between links; the problem itself with another distance."""
     settings, terms = problem.scene.planner, problem.terms
     if problem.exact or settings.distance != "hdsdf" or settings.swept:
         return problem
@@ -230,7 +230,7 @@ def _with_own(problem: Problem, rebuilt: Problem) -> Problem:
 def _clearance(
     pairs: BodyPairs, distance: PairDistance, settings: PlannerSettings, pieces: tuple[HalfspaceBody, ...] = ()
 ) -> PairTerm:
-    """The clearance of standing obstacles."""
+    """The clearance of static obstacles."""
     if settings.swept:
         return SweptClearance("obstacles", pairs, distance, settings.gamma, settings.shaping_length, pieces)
     return Clearance("obstacles", pairs, distance, pieces)

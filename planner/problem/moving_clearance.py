@@ -1,7 +1,7 @@
 """Clearance from moving obstacles: each sample of a motion sees them at their poses at the sample's time.
 
 A moving obstacle is one more body that is carried, as a link is, but by no joint: its placement at each sample's time
-is appended to those of the joints, and everything else is as for standing obstacles. The time of a sample follows from
+is appended to those of the joints, and everything else is as for static obstacles. The time of a sample follows from
 the time law (`timing.duration`), which does not depend on the motion.
 """
 
@@ -62,7 +62,7 @@ class MovingClearance(Clearance):
         return super().second_order(self.met(kinematics, self.law.time_at(samples.parameter)), samples)
 
     def written_at_sample(self, place: SymbolicPlace) -> ClosedForm:
-        """Penalty of standing obstacles, as the frames that carry these are where they are at the sample's time."""
+        """Penalty of static obstacles, as the frames that carry these are where they are at the sample's time."""
         return super().written_at_sample(place)
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
@@ -85,8 +85,8 @@ def moving_clearance(
     deadline: float,
     closely: bool,
 ) -> tuple[MovingClearance, tuple[HalfspaceBody, ...], tuple[str, ...]]:
-    """Lay out the pairs of every moving link body with every moving obstacle; also return the obstacles' convex pieces,
-    and notes on how they were made.
+    """Assemble the pairs of every moving link body with every moving obstacle; also return the obstacles' convex
+    pieces, and notes on how they were made.
 
     supports: (nj, n) as Kinematics.supports. distance: makes the pairs' distance. deadline: as `problem.build`'s.
     closely: as `assemble`'s.

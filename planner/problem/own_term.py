@@ -45,7 +45,8 @@ class OwnTerm:
         each: of a waypoint (n,) and the step to the next (n,), both casadi.MX in the order of the robot's joints: a
             scalar for a cost, else a column.
         kind: "cost", "penalty" or "constraint".
-        lower, upper: of a constraint, numbers or one for each row.
+        lower: of a constraint, a number or one for each row.
+        upper: likewise.
         scale: of a penalty or constraint, the metres inside a margin that one unit counts for [m/unit].
     """
 

@@ -103,8 +103,8 @@ class Problem:
     apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, proven to keep their margin within the joint limits
     notes: tuple[str, ...]  # for the user
     closely: bool = False  # whether clouds, and meshes that are not split, are enclosed by many small boxes
-    exact: bool = False  # whether distances are exact, of what the bodies enclose
-    path_speed: PathSpeed | PathDuration | None = None  # of the cost, where a motion is to be quick
+    exact: bool = False  # true if distances are exact, those of the enclosed geometry
+    path_speed: PathSpeed | PathDuration | None = None  # the cost's part for quick motions
 
     def __repr__(self) -> str:
         """Name the scene, the robot and the terms."""

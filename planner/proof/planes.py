@@ -13,11 +13,12 @@ from typing import Any
 import coal
 import numpy as np
 
-from hdplan.planner.certificate.exact_proximity import directions
+from hdplan.planner.certificate.exact_proximity import directions, outermost
 from hdplan.planner.certificate.interval_bounds import Items
 from hdplan.planner.certificate.intervals import Intervals
 from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.planner.geometry.rotations import slight_turns
 from hdplan.planner.proof.spans import STRAY_DISTANCE, Spans
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import check_time
@@ -237,14 +238,8 @@ def _coal_shape(corner_bytes: bytes, sweep_bytes: bytes) -> tuple[Any, float]:
         return triangle_tree(TriangleMesh(ring, np.array(fan))), 2.0 * FLAT_RATIO * float(extents[0])
     if (hull := convex_hull(corners)) is not None:
         return hull, 0.0
-    directions = np.random.default_rng(0).normal(size=(250, 3))  # coal cannot hold it: the farthest corners will do
-    return convex_hull(corners[np.unique((directions @ corners.T).argmax(axis=1))]), 0.0
-
-
-def _slightly(x: float, y: float, z: float) -> Array:
-    """Return the rotation by a small vector [rad], to first order."""
-    return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
+    return convex_hull(outermost(corners)), 0.0  # coal cannot hold it: the farthest corners will do
 
 
 _REQUEST = coal.DistanceRequest()
-_TURNS = [_slightly(*(NUDGE * np.array(way))) for way in ((0, 0, 0), (1, 2, -1), (-2, 1, 1), (1, -1, 2))]
+_TURNS = [np.eye(3), *slight_turns(3, NUDGE)]

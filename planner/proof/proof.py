@@ -52,8 +52,8 @@ class Proof:
 
     data: bytes  # the file's content
     text: str  # what is proven, in the checker's words
-    certificate: Certificate  # its source
-    leaves: int  # of all pairs
+    certificate: Certificate  # the certificate that it proves
+    leaves: int  # number of leaves of all pairs
     checking: float  # [s] of the processor that the checker took: its own reading of the files, the world that it makes
     # of it, and the check of what was written
 

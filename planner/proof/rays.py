@@ -14,9 +14,7 @@ from hdplan.verify.kernel import NARROWEST, Motion
 from hdplan.verify.world import World
 
 FAR_APART = 8  # rows that are tried first
-AROUND = read_only(
-    np.concatenate([np.eye(3), -np.eye(3), np.random.default_rng(0).normal(size=(60, 3))])
-)  # of each row
+AROUND = read_only(np.concatenate([np.eye(3), -np.eye(3), np.random.default_rng(0).normal(size=(60, 3))]))  # directions
 
 
 def rays(world: World) -> Iterator[tuple[int, Array] | None]:

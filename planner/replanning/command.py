@@ -37,8 +37,8 @@ class Command(ReadOnly):
     acceleration: Array  # (n,) [rad/s² or m/s²]
     motion: Trajectory  # from now, or shortly before, until the robot stands; its times count from `time`
     mode: Mode
-    why: str  # no motion was proven in this step; empty if one was, or none is needed
-    clearance: float | None  # [m] proven for the motion, less what is unknown: at least; None for a robot that stands
+    why: str  # reason why no motion was proven in this step; empty if one was, or none is needed
+    clearance: float | None  # [m] proven for the motion, less the uncertainty: at least; None for a robot that stands
     picture: float  # [s] when the picture was taken against which the motion was proven last
     seconds: float  # that the step took
 

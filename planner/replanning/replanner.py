@@ -199,10 +199,11 @@ class Replanner:
 
         Args:
             obstacles: all obstacles besides the scene's own, in place of those of the last picture; one with the name
-            of a scene's obstacle replaces it. `motion` may hold its measured steady velocity and spin, and
-            `uncertainty` how far it may be off its pose, and how fast it may leave after `at`. cloud: the points of a
-            camera, in place of the last cloud. poses: new poses of known obstacles, by name. at: time of the exposure
-            [s], not of its arrival.
+                of a scene's obstacle replaces it. `motion` may hold its measured steady velocity and spin, and
+                `uncertainty` how far it may be off its pose, and how fast it may leave after `at`.
+            cloud: the points of a camera, in place of the last cloud.
+            poses: new poses of known obstacles, by name.
+            at: time of the exposure [s], not of its arrival.
 
         The work is done here and not in a step, so call `update` in the camera's thread. Raises InputError for
         obstacles that no scene can have, unknown names, and a picture that is older than the last one or of the future;

@@ -24,7 +24,7 @@ import pinocchio as pin
 
 from hdplan.planner.geometry.coal_shapes import mesh_of
 from hdplan.planner.geometry.solids import Solid
-from hdplan.planner.robot.pin_model import motion_axes
+from hdplan.planner.robot.pin_model import configuration_at, motion_axes
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.robot_files.link_pairs import LinkPair
@@ -80,7 +80,7 @@ def _always(robot: Robot, pair: LinkPair, balls: tuple[Balls, Balls], room: floa
         if not cells:
             return True
         middle, half = cells.pop()
-        pin.forwardKinematics(model, data, _configuration(model, between, middle))
+        pin.forwardKinematics(model, data, configuration_at(model, zip(between, middle, strict=True)))
         at_a, at_b = _placed(data.oMi[a], centres_a), _placed(data.oMi[b], centres_b)
         moved, shares = np.zeros(len(at_b)), np.zeros((len(between), len(at_b)))
         for i in reversed(range(len(between))):  # from link b back to link a
@@ -122,15 +122,6 @@ def _range(model: pin.Model, joint: int, room: float) -> tuple[float, float]:
     if kind.nq != 1 or (turns and high - low + 2 * room >= 2 * math.pi):
         return -math.pi, math.pi
     return low - room, high + room
-
-
-def _configuration(model: pin.Model, joints: list[int], values: Array) -> Array:
-    """Return Pinocchio's configuration with some joints at these values; where the others are does not matter."""
-    q = pin.neutral(model)
-    for joint, value in zip(joints, values, strict=True):
-        kind = model.joints[joint]
-        q[kind.idx_q : kind.idx_q + kind.nq] = value if kind.nq == 1 else (math.cos(value), math.sin(value))
-    return np.asarray(q)
 
 
 def _placed(pose: pin.SE3, points: Array) -> Array:

@@ -69,15 +69,11 @@ def requested_limits(scene: Scene) -> dict[str, JointValues]:
 
 
 def _resolved(quantity: str, given: JointValues, scene: Scene, robot: Robot) -> Array:
-    where, joints = f"{scene.source}: limits.{quantity}", robot.joint_names
+    where = f"{scene.source}: limits.{quantity}"
     if isinstance(given, float):
         return np.full(robot.n, given)
     if isinstance(given, tuple):
-        if len(given) != robot.n:
-            raise InputError(
-                f"{where}: {len(given)} values, but {robot.name} plans {robot.n} joints: {', '.join(joints)}"
-            )
-        return np.array(given)
+        return robot.one_each(given, where)
     result = np.full(robot.n, np.nan)
     for joint, value in given.items() if isinstance(given, Mapping) else ():
         if scene.from_request and joint in robot.locked:  # a request's limits are of whole robots; it stands still

@@ -32,10 +32,9 @@ def lasting_contacts(robot: Robot, pairs: Iterable[LinkPair]) -> tuple[tuple[Lin
         return (), ()
     content = _content(robot, left)
     key = None if content is None else content_key(VERSION, *content)
-    known = None if key is None else load("lasting_contacts", key, _pairs)
+    known = None if key is None else load("lasting_contacts", key, lambda value: _pairs(value, left))
     if known is not None:
-        touching, proven = known
-        return tuple(pair for pair in left if pair in touching), tuple(pair for pair in left if pair in proven)
+        return known
     touch = in_contact(robot, left, samples[FIRST_SAMPLES:])
     always = always_touching(robot, touch, LIMIT_EXCESS)
     if key is not None:
@@ -43,8 +42,9 @@ def lasting_contacts(robot: Robot, pairs: Iterable[LinkPair]) -> tuple[tuple[Lin
     return touch, always
 
 
-def _pairs(value: Any) -> tuple[set[LinkPair], set[LinkPair]]:
-    touching, proven = ({(a, b) for a, b in row} for row in value)
+def _pairs(value: Any, known: tuple[LinkPair, ...]) -> tuple[tuple[LinkPair, ...], tuple[LinkPair, ...]]:
+    """Return the pairs of an entry. Raises ValueError for other pairs than those that are known."""
+    touching, proven = (tuple(known[known.index((a, b))] for a, b in row) for row in value)
     return touching, proven
 
 

@@ -11,7 +11,7 @@ import os
 import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -158,11 +158,7 @@ def without_joints(
     """Return the model and geometry with the held joints fixed at their values."""
     if not held:
         return full, geometry
-    reference = pin.neutral(full)
-    for joint, value in held.items():
-        kind = full.joints[full.getJointId(joint)]
-        coordinates = (value,) if kind.nq == 1 else (math.cos(value), math.sin(value))
-        reference[kind.idx_q : kind.idx_q + kind.nq] = coordinates
+    reference = configuration_at(full, ((full.getJointId(joint), value) for joint, value in held.items()))
     # Pinocchio finds a joint's frame by name only, and fails if a link has the joint's name, be it fixed.
     mark = "\x1f"  # which no name in XML has
     joints = {str(frame.name) for frame in full.frames if frame.type != pin.FrameType.BODY}
@@ -173,6 +169,15 @@ def without_joints(
     for frame in model.frames:
         frame.name = frame.name.removesuffix(mark)
     return model, collision
+
+
+def configuration_at(model: pin.Model, values: Iterable[tuple[int, float]]) -> NDArray[np.float64]:
+    """Return Pinocchio's configuration with some joints, by index, at these values, and the others at 0."""
+    q = pin.neutral(model)
+    for joint, value in values:
+        kind = model.joints[joint]
+        q[kind.idx_q : kind.idx_q + kind.nq] = value if kind.nq == 1 else (math.cos(value), math.sin(value))
+    return np.asarray(q)
 
 
 def move_base(model: pin.Model, collision: pin.GeometryModel, base: pin.SE3) -> None:

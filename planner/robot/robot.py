@@ -180,12 +180,7 @@ class Robot:
         """
         where = target.field
         if target.positions is not None:
-            if len(target.positions) != self.n:
-                raise InputError(
-                    f"{where}: {len(target.positions)} joint values, but {self.name} plans {self.n} joints: "
-                    f"{listed(self.joint_names)}{PLAN_LESS * (self.n > LISTED_NAMES)}"
-                )
-            return self._within_limits(np.array(target.positions, dtype=np.float64), where, from_request)
+            return self._within_limits(self.one_each(target.positions, where), where, from_request)
         if target.state is not None:
             if target.state not in self.named_states:
                 raise InputError(f"{where}: unknown state '{target.state}'{nearest(target.state, self.named_states)}")
@@ -229,9 +224,9 @@ class Robot:
         """Return values of the planned joints (n,), in their order. Raises InputError, naming `where`, for another
         number of them."""
         if len(values) != self.n:
-            joints = listed(self.joint_names)
+            joints = f"{listed(self.joint_names)}{PLAN_LESS * (self.n > LISTED_NAMES)}"
             raise InputError(f"{where}: {len(values)} values, but {self.name} plans {self.n} joints: {joints}")
-        return np.array(values)
+        return np.array(values, dtype=np.float64)
 
     def _within_limits(self, q: Array, where: str, from_request: bool) -> Array:
         slack = LIMIT_ROUNDING if from_request else 1e-9

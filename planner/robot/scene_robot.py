@@ -18,6 +18,7 @@ from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.self_pairs import LIMIT_EXCESS, NEVER_TOUCHING
 from hdplan.planner.robot.tracking import tracking
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import stamps_of
@@ -91,16 +92,12 @@ def _differences(robot: Robot, own: Robot) -> Iterator[str]:
             yield f"its joint '{joint}' may go beyond the limits of the scene's"
     if robot.attached != own.attached:
         yield "it does not hold what the scene attaches"
-    if robot.model != own.model or robot.collision != own.collision or not _alike_links(robot, own):
+    links = (robot.link_joint, robot.link_geometry) == (own.link_joint, own.link_geometry)
+    if robot.model != own.model or robot.collision != own.collision or not links:
         yield "its joints, links or geometry are not those of the scene's"
     for pair in own.self_pairs:
         if pair not in robot.self_pairs:
             yield f"its links {pair[0]} and {pair[1]} are not checked against each other, the scene's are"
-
-
-def _alike_links(robot: Robot, own: Robot) -> bool:
-    """True if the same joints carry the same geometry."""
-    return robot.link_joint == own.link_joint and robot.link_geometry == own.link_geometry
 
 
 @made_once(KEPT_ROBOTS)
@@ -116,8 +113,7 @@ def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...])
                 f"found [{low:g}, {high:g}]"
             )
         lower[i], upper[i] = low, high
-    inner = np.stack([np.maximum(robot.inner[0], lower), np.minimum(robot.inner[1], upper)])
-    return replace(robot, lower=lower, upper=upper, inner=inner)
+    return _between(robot, lower, upper)
 
 
 @made_once(KEPT_ROBOTS)
@@ -130,9 +126,13 @@ def _with_lag(robot: Robot, off: tuple[float, ...]) -> Robot:
             f"robot.tracking.position: {off[i]:g} of joint '{robot.joint_names[i]}' leaves nothing of its range "
             f"[{robot.lower[i]:g}, {robot.upper[i]:g}]"
         )
-    note = "joint limits are kept with room for robot.tracking.position"
+    return _between(robot, lower, upper, "joint limits are kept with room for robot.tracking.position")
+
+
+def _between(robot: Robot, lower: Array, upper: Array, *notes: str) -> Robot:
+    """Return the robot with limits (n,) within its own."""
     inner = np.stack([np.maximum(robot.inner[0], lower), np.minimum(robot.inner[1], upper)])
-    return replace(robot, lower=lower, upper=upper, inner=inner, notes=(*robot.notes, note))
+    return replace(robot, lower=lower, upper=upper, inner=inner, notes=(*robot.notes, *notes))
 
 
 @made_once(KEPT_ROBOTS)

@@ -47,7 +47,7 @@ class Around(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Ignoring:
-    """A scene without the points that its clouds ask to ignore."""
+    """A scene without the points that its clouds ignore."""
 
     scene: Scene
     notes: tuple[str, ...] = ()  # that count what was left out, also in reading
@@ -55,7 +55,7 @@ class Ignoring:
 
 
 def self_filtered(requested: Scene, scene: Scene, robot: Robot) -> Ignoring:
-    """Leave the points out that the clouds of a scene, as its file has it and with its files read, ask to ignore.
+    """Leave the points out that the clouds of a scene, as its file has it and with its files read, ignore.
     Raises InputError for a cloud of which nothing is left, and for unknown links."""
     obstacles, notes, points = [], [], []
     for written, obstacle in zip(requested.obstacles, scene.obstacles, strict=True):
@@ -102,14 +102,10 @@ def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple
         raise InputError(f"{where}.cloud: all of its {len(near)} points would be ignored")
     if not near.any() and not stay:
         return obstacle, "", np.empty((0, 3))
-    kept = replace(cloud, points=FixedArray(balls.array[~near, :3]), radius=_radius(cloud, balls.array[~near, 3]))
+    radius = FixedArray(balls.array[~near, 3]) if isinstance(cloud.radius, FixedArray) else cloud.radius
+    kept = replace(cloud, points=FixedArray(balls.array[~near, :3]), radius=radius)
     note = f"cloud '{obstacle.name}': of {len(near)} points left out: {', '.join(words)}{''.join(stay)}"
     return replace(obstacle, shape=kept), note, world[near]
-
-
-def _radius(cloud: Cloud, left: Array) -> float | FixedArray:
-    """Return the radii (m,) that are left, as the cloud has them."""
-    return FixedArray(left) if isinstance(cloud.radius, FixedArray) else cloud.radius
 
 
 def _ignored(cloud: Cloud, scene: Scene, robot: Robot, field: str) -> Iterator[Around]:

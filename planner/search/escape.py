@@ -46,7 +46,7 @@ def _corners(way: Array) -> Array:
 
 
 def _with_room(problem: Problem) -> tuple[Clearance, ...]:
-    """The clearance of links and standing obstacles, obstacles at FREE_AROUND."""
+    """The clearance of links and static obstacles, obstacles at FREE_AROUND."""
     settings, found = problem.scene.planner, []
     for term, more in (
         (problem.terms.obstacles, FREE_AROUND - settings.activation),

@@ -57,7 +57,7 @@ class Event:
     step: Iteration | None = None
     positions: Array | None = None  # (N, n) the waypoints after that step; to be kept, but not changed
     certificate: Certificate | None = None
-    motion: Trajectory | None = None  # which it judges
+    motion: Trajectory | None = None  # the motion of the certificate
 
 
 Slide = Callable[[Problem, Solution, float], Array | None]  # a motion's better end, at most so far away

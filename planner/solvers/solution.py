@@ -63,9 +63,9 @@ def _never() -> bool:
 class Budget:
     """The budget of a solver."""
 
-    deadline: float = float("inf")  # time.perf_counter() at which to stop
+    deadline: float = float("inf")  # value of time.perf_counter() at which the solver stops
     iterations: int = 1000
-    first_weight: float = FIRST_WEIGHT  # of the penalty [1/m²]
+    first_weight: float = FIRST_WEIGHT  # weight of the penalty at the beginning [1/m²]
     slow: float = SLOW_DECREASE  # relative decrease of the cost below which a step counts as stalled
     stuck: float = float("inf")  # [m] a motion so deep inside something that weights free little is given up
     report: Callable[[Iteration, Array], None] = _silent

@@ -58,14 +58,11 @@ def _panel(axis: Any, curves: Sequence[AnytimeCurve], title: str, measure: Calla
     ]
     axis.plot(times, 100 * np.exp(np.log(ratios).mean(axis=1)), color=GOOD, linewidth=2.6, zorder=2)
     axis.axhline(100, color=INK, linewidth=0.6, zorder=0)
-    axis.set_xscale("log")
-    axis.set_xlim(1.0, last)
-    axis.set_xticks([tick for tick in TICKS if tick < last])
+    axis.set(xscale="log", xlim=(1.0, last), xticks=[tick for tick in TICKS if tick < last], title=title)
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set_xlabel("time spent, that until the first certified motion = 1")
     axis.set_ylabel("of the first certified motion's [%]")
-    axis.set_title(title)
     ends = {curve.scene: 100 * measure(curve.moments[-1]) / measure(curve.moments[0]) for curve in gains[:NAMED]}
     _name_ends(axis, last, {scene: share for scene, share in ends.items() if share < 100})
 

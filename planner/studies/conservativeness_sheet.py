@@ -9,6 +9,7 @@ from matplotlib.ticker import FuncFormatter
 
 from hdplan.distance.studies.conservativeness import EPSILON, GAMMA, Conservativeness
 from hdplan.planner.pictures.style import CONTACT, GREY, OTHER_RUNG, RC, RUNG_STYLES
+from hdplan.planner.studies.report import length_text
 
 PAPER = (  # gap [m], false positives [%], words and where they stand
     (1e-4, 0.7, "the paper: around 0.7 % at 0.1 mm", (3, 22), "left"),
@@ -42,18 +43,11 @@ def conservativeness_sheet(found: Conservativeness, tolerances: np.ndarray) -> F
         for gap, published, words, place, align in PAPER:
             axis.plot(gap, published, "o", markersize=11, markerfacecolor="none", markeredgecolor=CONTACT)
             axis.annotate(words, (gap, published), place, textcoords="offset points", color=CONTACT, ha=align)
-        axis.set_xscale("log")
-        axis.set_yscale("log")
-        axis.set_xlim(tolerances[0] * 0.85, tolerances[-1] * 1.05)
-        axis.set_ylim(floor, 2.0)
+        axis.set(xscale="log", yscale="log", xlim=(tolerances[0] * 0.85, tolerances[-1] * 1.05), ylim=(floor, 2.0))
         axis.set_xlabel("gap between the bodies")
         axis.set_ylabel("false positives beyond that gap [% of the configurations so far apart]")
-        axis.xaxis.set_major_formatter(FuncFormatter(_length))
+        axis.xaxis.set_major_formatter(FuncFormatter(length_text))
         axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.grid(color=GREY, linewidth=0.6)
         axis.legend(loc="lower left", title="candidate normals, and their widest false gap", alignment="left")
         return figure
-
-
-def _length(value: float, _: object) -> str:
-    return f"{value * 1e3:g} mm" if value < 0.01 else f"{value * 1e2:g} cm"

@@ -47,10 +47,8 @@ def witness_sheet(outcome: Outcome) -> Figure:
     k = int(np.argmax(ways))
     rows = (k, k + span)
     moments = [(f"{row * run.period:.2f} s", run.positions[row], found[row].points) for row in rows]
-    return _sheet(
-        f"Within {1e3 * SNAPSHOT_INTERVAL:.0f} ms the witness point on the robot moves by {1e3 * ways[k]:.0f} mm",
-        moments,
-    )
+    within = f"Within {1e3 * SNAPSHOT_INTERVAL:.0f} ms"
+    return _sheet(f"{within} the witness point on the robot moves by {1e3 * ways[k]:.0f} mm", moments)
 
 
 class Witnesses(NamedTuple):

@@ -17,6 +17,7 @@ from hdplan.planner.studies.report import (
     Stopper,
     check_report,
     csv_text,
+    length_text,
     markdown_text,
     png,
     short,
@@ -89,7 +90,7 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
     paths = paths[: len(contents)]
     write_report(paths, contents)
     rungs = [_summary(e) for e in means if _is_default(e)]
-    words = f"gamma {DEFAULTS.gamma}, shaping length {_length(DEFAULTS.shaping_length)}, float64"
+    words = f"gamma {DEFAULTS.gamma}, shaping length {length_text(DEFAULTS.shaping_length)}, float64"
     tables = {f"sets of normals at {words}": rungs, "unions of pieces": unions}
     return Report({title: rows for title, rows in tables.items() if rows}, notes, paths, complete)
 
@@ -99,7 +100,7 @@ def union_row(each: Cut) -> dict[str, Cell]:
     return {
         "body": each.body,
         "pieces": each.pieces,
-        **{f"> {_length(gap)} [%]": 100.0 * rate for gap, rate in each.false_positives.items()},
+        **{f"> {length_text(gap)} [%]": 100.0 * rate for gap, rate in each.false_positives.items()},
         "D/d": each.ratio,
         "near: d - D [mm]": 1e3 * each.near_error,
         **{f"{order} [µs]": 1e6 * time for order, time in each.seconds.items()},
@@ -155,12 +156,12 @@ def _advice(means: Sequence[Entry], choice: Entry) -> list[tuple[str, str]]:
 
 
 def _rate(entry: Entry) -> str:
-    return f"{_percent(entry.false_positives[GAP])} of gaps over {_length(GAP)} taken for contact"
+    return f"{_percent(entry.false_positives[GAP])} of gaps over {length_text(GAP)} taken for contact"
 
 
 def _near(entry: Entry, what: str) -> str:
     """Return error and bend near contact at one gamma or shaping length."""
-    at = str(entry.setting.gamma) if what == "gamma" else _length(entry.setting.shaping_length)
+    at = str(entry.setting.gamma) if what == "gamma" else length_text(entry.setting.shaping_length)
     bend = "" if entry.bend is None else f" and {entry.bend:.0f}/m"
     return f"{entry.median_error['near'] * 1e3:.3g} mm{bend} at {at}"
 
@@ -168,7 +169,7 @@ def _near(entry: Entry, what: str) -> str:
 def describe(entry: Entry) -> str:
     """Describe a setting."""
     s = entry.setting
-    return f"{s.normals}, gamma {s.gamma}, {_length(s.shaping_length)}, {s.precision}"
+    return f"{s.normals}, gamma {s.gamma}, {length_text(s.shaping_length)}, {s.precision}"
 
 
 def _is_default(entry: Entry) -> bool:
@@ -180,7 +181,7 @@ def _summary(entry: Entry) -> dict[str, Cell]:
     orders = {"gradient": "+gradient", "hessian": "+Hessian"}
     return {
         "normals": entry.setting.normals,
-        **{f"> {_length(gap)} [%]": short(100.0 * entry.false_positives[gap]) for gap in (1e-3, 1e-2, 1e-1)},
+        **{f"> {length_text(gap)} [%]": short(100.0 * entry.false_positives[gap]) for gap in (1e-3, 1e-2, 1e-1)},
         "near [mm]": short(1e3 * entry.median_error["near"]),
         **{f"{orders.get(order, order)} [µs]": short(1e6 * time) for order, time in entry.seconds.items()},
     }
@@ -212,9 +213,9 @@ def _short_row(entry: Entry) -> dict[str, Cell]:
     return {
         "normals": entry.setting.normals,
         "gamma": entry.setting.gamma,
-        "shaping length": _length(entry.setting.shaping_length),
+        "shaping length": length_text(entry.setting.shaping_length),
         "precision": entry.setting.precision,
-        **{f"> {_length(gap)} [%]": 100.0 * rate for gap, rate in entry.false_positives.items()},
+        **{f"> {length_text(gap)} [%]": 100.0 * rate for gap, rate in entry.false_positives.items()},
         "sign lost [%]": 100.0 * entry.sign_lost,
         **{
             f"{band} [mm]": f"{short(1e3 * entry.median_error[band])} / {short(1e3 * entry.high_error[band])}"
@@ -223,10 +224,6 @@ def _short_row(entry: Entry) -> dict[str, Cell]:
         **({} if entry.bend is None else {"bend [1/m]": entry.bend}),
         **{f"{order} [µs]": 1e6 * time for order, time in entry.seconds.items()},
     }
-
-
-def _length(metres: float) -> str:
-    return f"{metres * 1e3:g} mm" if metres < 0.01 else f"{metres * 1e2:g} cm"
 
 
 def _us(seconds: float) -> str:

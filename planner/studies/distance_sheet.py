@@ -17,6 +17,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from hdplan.distance.studies.accuracy import BANDS, Entry, Study, pareto_front
 from hdplan.planner.pictures.style import CONTACT, FIXED, FRAME, GOOD, GREY, INK, OTHER_RUNG, RC, RUNG_STYLES
+from hdplan.planner.studies.report import length_text
 from hdplan.scenes.planner_settings import PlannerSettings
 
 GAP = 1e-2  # [m] at which false positives are compared
@@ -27,6 +28,7 @@ FRONTS: dict[str, dict[str, Any]] = {
 }
 BAND_STYLES = {"apart": (INK, "o"), "near": (CONTACT, "s"), "deep": (FIXED, "D")}
 DEFAULTS = PlannerSettings()
+DECADES = 200.0  # ratio of the ends of a logarithmic scale, above which only powers of ten have numbers
 PAPER_LENGTH = 1e-2  # [m] the paper's epsilon, 1e-4, at gamma 2
 
 
@@ -42,16 +44,17 @@ def study_sheet(found: Study, choice: Entry) -> Figure:
         lengths = sorted(e.setting.shaping_length for e in entries)
         _against_time(
             figure.add_subplot(above[0]), entries, choice, lambda e: 100.0 * e.false_positives[GAP],
-            "Is it free?", f"gaps over {_length(GAP)} taken for contact [%]", "lowest row: none at all" if none else "",
+            "Is it free?", f"gaps over {length_text(GAP)} taken for contact [%]",
+            "lowest row: none at all" if none else "",
         )  # fmt: skip
         _against_time(
             figure.add_subplot(above[1]), entries, choice, lambda e: 1e3 * e.median_error["near"],
             "How far is it, near contact?", "median |D − d| within 5 cm of contact [mm]",
-            f"whiskers: shaping lengths of {_length(lengths[0])} to {_length(lengths[-1])}",
+            f"whiskers: shaping lengths of {length_text(lengths[0])} to {length_text(lengths[-1])}",
         )  # fmt: skip
         _by_gap(figure.add_subplot(below[0]), entries)
         _by_gamma(figure.add_subplot(below[1]), entries, choice)
-        _by_length(figure.add_subplot(below[2]), entries, choice)
+        _bylength_text(figure.add_subplot(below[2]), entries, choice)
         _keys(figure, entries)
         return figure
 
@@ -60,8 +63,8 @@ def _title(figure: Figure, found: Study, choice: Entry) -> None:
     figure.text(0.02, 0.968, "What accuracy of the distance costs in time", fontsize=15, weight="bold", va="center")
     s, rate = choice.setting, 100.0 * choice.false_positives[GAP]
     take = (
-        f"take {s.normals}, gamma {s.gamma}, shaping length {_length(s.shaping_length)}: {rate:.2g} % of gaps over "
-        f"{_length(GAP)} taken for contact, value and gradient in {1e6 * choice.seconds['gradient']:.2g} µs"
+        f"take {s.normals}, gamma {s.gamma}, shaping length {length_text(s.shaping_length)}: {rate:.2g} % of gaps over "
+        f"{length_text(GAP)} taken for contact, value and gradient in {1e6 * choice.seconds['gradient']:.2g} µs"
     )
     figure.text(0.02, 0.932, take, color=GOOD, fontsize=10, weight="bold", va="center")
     pairs = len(found.bodies)
@@ -86,11 +89,8 @@ def _against_time(
         s = entry.setting
         reach = [place(e)[1] for e in entries if replace(e.setting, shaping_length=s.shaping_length) == s]
         axis.plot([place(entry)[0]] * 2, [min(reach), max(reach)], color=FRAME, linewidth=1.0, zorder=2)
-        color, marker, double = (
-            GAMMAS.get(s.gamma, INK),
-            RUNG_STYLES.get(s.normals, OTHER_RUNG)[1],
-            s.precision == "float64",
-        )
+        color, marker = GAMMAS.get(s.gamma, INK), RUNG_STYLES.get(s.normals, OTHER_RUNG)[1]
+        double = s.precision == "float64"
         axis.plot(
             *place(entry), marker, markersize=10 if marker == "*" else 6.5, zorder=4 if double else 3,
             mfc=color if double else "white", mec=INK if double else color, mew=0.6 if double else 1.2,
@@ -100,8 +100,7 @@ def _against_time(
         front = [some[k] for k in pareto_front([e.seconds["gradient"] for e in some], [loss(e) for e in some])]
         if front:
             axis.step(*zip(*map(place, front), strict=True), where="post", color=GOOD, zorder=1, **style)
-    axis.set_xscale("log")
-    axis.set_yscale("log")
+    axis.set(xscale="log", yscale="log", title=title, xlabel="time of value and gradient, per query [µs]", ylabel=label)
     low, high = axis.get_ylim()  # room for labels
     axis.set_ylim(low * (low / high) ** 0.16, high * (high / low) ** 0.16)
     left, right = axis.get_xlim()
@@ -112,10 +111,7 @@ def _against_time(
             words, place(entry), offset, textcoords="offset points", color=color, weight="bold", ha=align,
             arrowprops={"arrowstyle": "-", "color": color, "shrinkB": 8, "shrinkA": 0}, zorder=6,
         )  # fmt: skip
-    axis.set_title(title)
-    axis.set_xlabel("time of value and gradient, per query [µs]")
-    axis.set_ylabel(label)
-    _plain(axis)
+    plain(axis)
     axis.text(0.985, 0.025, footnote, transform=axis.transAxes, ha="right", color=FIXED, fontsize=7.5)
 
 
@@ -141,14 +137,10 @@ def _by_gap(axis: Any, entries: Sequence[Entry]) -> None:
     for entry in at_default:
         color, marker = RUNG_STYLES.get(entry.setting.normals, OTHER_RUNG)
         known = [(100.0 * gap, 100.0 * rate) for gap, rate in entry.false_positives.items() if rate > 0]
-        gaps, rates = [gap for gap, _ in known], [rate for _, rate in known]
-        axis.plot(gaps, rates, color=color, marker=marker, markersize=4.5, linewidth=1.3)
-    axis.set_xscale("log")
-    axis.set_yscale("log")
-    axis.set_title("Normals: how often a gap is missed")
-    axis.set_xlabel("gap [cm]")
+        axis.plot(*zip(*known, strict=True), color=color, marker=marker, markersize=4.5, linewidth=1.3)
+    axis.set(xscale="log", yscale="log", title="Normals: how often a gap is missed", xlabel="gap [cm]")
     axis.set_ylabel("larger gaps taken for contact [%]")
-    _plain(axis)
+    plain(axis)
 
 
 def _by_gamma(axis: Any, entries: Sequence[Entry], choice: Entry) -> None:
@@ -159,16 +151,13 @@ def _by_gamma(axis: Any, entries: Sequence[Entry], choice: Entry) -> None:
         error = [1e3 * e.median_error[band] for e in rung]
         axis.plot([e.setting.gamma for e in rung], error, color=color, marker=marker, markersize=4.5, label=band)
     axis.set_xscale("log", base=2)
-    axis.set_yscale("log")
-    axis.set_title("Gamma: how far off")
-    axis.set_xlabel("gamma")
-    axis.set_ylabel("median |D − d| [mm]")
+    axis.set(yscale="log", title="Gamma: how far off", xlabel="gamma", ylabel="median |D − d| [mm]")
     axis.legend(loc="best")
-    _plain(axis)
+    plain(axis)
     axis.set_xticks([e.setting.gamma for e in rung])
 
 
-def _by_length(axis: Any, entries: Sequence[Entry], choice: Entry) -> None:
+def _bylength_text(axis: Any, entries: Sequence[Entry], choice: Entry) -> None:
     """Panel of the error near contact over the shaping length, for every gamma."""
     rung = [e for e in entries if _is(e, normals=choice.setting.normals)]
     for gamma in sorted({e.setting.gamma for e in rung}):
@@ -177,11 +166,9 @@ def _by_length(axis: Any, entries: Sequence[Entry], choice: Entry) -> None:
             [1e3 * e.setting.shaping_length for e in some], [1e3 * e.median_error["near"] for e in some],
             color=GAMMAS.get(gamma, INK), marker="o", markersize=4.5, mec=INK, mew=0.5,
         )  # fmt: skip
-    axis.set_xscale("log")
-    axis.set_title("Shaping length: how flat at contact")
-    axis.set_xlabel("shaping length [mm]")
+    axis.set(xscale="log", title="Shaping length: how flat at contact", xlabel="shaping length [mm]")
     axis.set_ylabel("median |D − d| near contact [mm]")
-    _plain(axis)
+    plain(axis)
 
 
 def _keys(figure: Figure, entries: Sequence[Entry]) -> None:
@@ -210,16 +197,13 @@ def _is(entry: Entry, **wanted: object) -> bool:
     return all(getattr(entry.setting, name) == value for name, value in wanted.items())
 
 
-def _plain(axis: Any) -> None:
-    """Numbers as numbers, a light grid."""
+def plain(axis: Any) -> None:
+    """Show numbers as numbers, on a light grid; of logarithmic scales over few decades 2 and 5 as well."""
     for one in (axis.xaxis, axis.yaxis):
         one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         one.set_minor_formatter(NullFormatter())
-        if one.get_scale() == "log" and isinstance(one.get_major_locator(), LogLocator):
-            one.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        if one.get_scale() == "log":
+            low, high = one.get_view_interval()
+            one.set_major_locator(LogLocator(subs=(1, 2, 5) if high < DECADES * low else (1,)))
     axis.grid(color=GREY, linewidth=0.6)
     axis.set_axisbelow(True)
-
-
-def _length(metres: float) -> str:
-    return f"{metres * 1e3:g} mm" if metres < 0.01 else f"{metres * 1e2:g} cm"

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
@@ -36,8 +37,7 @@ def kinks_sheet(found: Kinks) -> Figure:
         panels = [figure.add_subplot(rows[row + 1]) for row in range(3)]
         for axis, (name, label) in zip(panels, QUANTITIES, strict=True):
             _panel(axis, found, name)
-            axis.set_ylabel(label)
-            axis.set_xlim(found.times[0], found.times[-1])
+            axis.set(ylabel=label, xlim=(found.times[0], found.times[-1]))
             axis.tick_params(labelbottom=name == "second")
         low = min(curve.value.min() for curve in (found.euclidean, *found.smooth))
         panels[0].axhspan(low - 0.05, 0.0, color=GREY, zorder=0)
@@ -49,8 +49,7 @@ def kinks_sheet(found: Kinks) -> Figure:
                 color=CONTACT, weight="bold",
             )  # fmt: skip
         panels[0].legend(loc="upper center", frameon=True, edgecolor="none", framealpha=1.0)
-        panels[2].set_ylim(-STEEPEST_SHOWN, STEEPEST_SHOWN)
-        panels[2].set_xlabel("time [s]")
+        panels[2].set(xlabel="time [s]", ylim=(-STEEPEST_SHOWN, STEEPEST_SHOWN))
         peaks = " and ".join(f"{np.abs(curve.second).max():.0f}" for curve in found.smooth)
         panels[2].text(
             0.008, 0.03, f"cut off: the HD-SDF's,\nup to {peaks} m/s²\nwhere its flat spot is passed",
@@ -63,12 +62,11 @@ def _snapshot(axis: Any, time: float, title: str) -> None:
     corners = square().vertices
     placed = corners @ pose(time)[:3, :3].T + pose(time)[:3, 3]
     axis.add_patch(Polygon(corners[:, :2], facecolor=GREY, edgecolor=INK, linewidth=1.0))
-    axis.add_patch(Polygon(placed[:, :2], facecolor=(*_rgb(START), 0.25), edgecolor=START, linewidth=1.0))
+    axis.add_patch(Polygon(placed[:, :2], facecolor=to_rgba(START, 0.25), edgecolor=START, linewidth=1.0))
     axis.set_title(title, fontsize=8.5, color=CONTACT)
     middle = 0.5 * pose(time)[:2, 3]
-    axis.set_aspect("equal")
-    axis.set_xlim(middle[0] - SNAPSHOT_SIZE[0], middle[0] + SNAPSHOT_SIZE[0])
-    axis.set_ylim(middle[1] - SNAPSHOT_SIZE[1], middle[1] + SNAPSHOT_SIZE[1])
+    (left, low), (right, high) = middle - SNAPSHOT_SIZE, middle + SNAPSHOT_SIZE
+    axis.set(aspect="equal", xlim=(left, right), ylim=(low, high))
     axis.set_axis_off()
 
 
@@ -91,7 +89,3 @@ def _curve(axis: Any, found: Kinks, curve: Curve, name: str, **style: Any) -> No
         for kink in found.kinks:
             y[np.searchsorted(found.times, kink.time)] = np.nan
     axis.plot(found.times, y, label=curve.name, **style)
-
-
-def _rgb(color: str) -> tuple[float, ...]:
-    return tuple(int(color[i : i + 2], 16) / 255.0 for i in (1, 3, 5))

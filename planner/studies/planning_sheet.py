@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from hdplan.distance.studies.accuracy import pareto_front
 from hdplan.planner.pictures.labels import name_points
@@ -21,12 +20,12 @@ from hdplan.planner.pictures.style import (
     FIXED,
     GOAL,
     GOOD,
-    GREY,
     INK,
     OBSTACLE,
     RC,
     START,
 )
+from hdplan.planner.studies.distance_sheet import plain
 from hdplan.planner.studies.planning import Summary, label
 
 STYLES = {  # of each setting: colour, marker, name
@@ -64,14 +63,8 @@ def planning_sheet(rows: Sequence[Summary], complete: bool = True) -> Figure:
 
 
 def _title(figure: Figure, default: Summary, complete: bool) -> None:
-    figure.text(
-        0.02,
-        0.95,
-        "What accuracy costs a plan in time: only the settings on the green line pay off",
-        fontsize=14,
-        weight="bold",
-        va="center",
-    )
+    title = "What accuracy costs a plan in time: only the settings on the green line pay off"
+    figure.text(0.02, 0.95, title, fontsize=14, weight="bold", va="center")
     part = "" if complete else ", interrupted: what was measured until then"
     about = f"{default.scenes} scenes, one setting changed at a time{part}"
     figure.text(0.985, 0.95, about, ha="right", va="center", color=FIXED)
@@ -97,22 +90,17 @@ def _against_time(
     )  # fmt: skip
     for row in shown:
         _mark(axis, row, 1e3 * row.seconds, loss(row), row in good)
-    axis.set_xscale("log")
-    axis.set_yscale("log")
     axis.margins(0.13, 0.13)
-    axis.set_title(title)
-    axis.set_xlabel("processor time of a plan, median [ms]")
-    axis.set_ylabel(words)
-    _plain(axis)
+    axis.set(xscale="log", yscale="log", title=title, xlabel="processor time of a plan, median [ms]", ylabel=words)
+    plain(axis)
     if len(factors) < len(STYLES):
         axis.text(
             0.01, 0.02, "the other settings do not change it", transform=axis.transAxes, color=FIXED, fontsize=7.5
         )
     ordered = sorted(shown, key=lambda row: (row.variant.factor != "", row not in front))
     bold = sum(row in front or not row.variant.factor for row in ordered)
-    name_points(
-        axis, [(1e3 * row.seconds, loss(row)) for row in ordered], [label(row.variant) for row in ordered], bold
-    )
+    points = [(1e3 * row.seconds, loss(row)) for row in ordered]
+    name_points(axis, points, [label(row.variant) for row in ordered], bold)
 
 
 def _mark(axis: Any, row: Summary, x: float, y: float, good: bool) -> None:
@@ -127,26 +115,13 @@ def _mark(axis: Any, row: Summary, x: float, y: float, good: bool) -> None:
 
 def _key(figure: Figure, rows: Sequence[Summary]) -> None:
     """One key for both panels."""
+    of: dict[str, Any] = {"linestyle": "", "markersize": 7, "mec": INK}
     handles: list[Any] = [Line2D([], [], linestyle="", marker="*", markersize=12, color=INK, label="defaults")]
     for factor, (color, marker, name) in STYLES.items():
         if any(row.variant.factor == factor for row in rows):
-            handles.append(
-                Line2D([], [], linestyle="", marker=marker, markersize=7, mfc=color, mec=INK, mew=0.6, label=name)
-            )
+            handles.append(Line2D([], [], marker=marker, mfc=color, mew=0.6, label=name, **of))
     fewer = "fewer certified than by the defaults"
-    handles.append(Line2D([], [], linestyle="", marker="o", markersize=7, mfc="white", mec=INK, mew=1.3, label=fewer))
+    handles.append(Line2D([], [], marker="o", mfc="white", mew=1.3, label=fewer, **of))
     handles.append(Line2D([], [], color=GOOD, linewidth=6, alpha=0.25, label="Pareto front"))
     row = {"loc": "upper left", "columnspacing": 1.6, "handletextpad": 0.6}
     figure.legend(handles=handles, bbox_to_anchor=(0.012, 0.865), ncols=len(handles), **row)
-
-
-def _plain(axis: Any) -> None:
-    """Numbers as numbers, a light grid."""
-    for one in (axis.xaxis, axis.yaxis):
-        if one.get_scale() == "log":
-            low, high = one.get_view_interval()
-            one.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 200 * low else (1,)))
-            one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            one.set_minor_formatter(NullFormatter())
-    axis.grid(color=GREY, linewidth=0.6)
-    axis.set_axisbelow(True)

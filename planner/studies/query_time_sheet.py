@@ -49,14 +49,12 @@ def time_sheet(found: QueryTimes) -> Figure:
                 seconds = [pair.seconds[name] for pair in found.pairs]
                 axis.plot(complexity, seconds, color=color, marker=marker, markersize=4, linestyle=dashes, lw=1.3)
                 ends.append((seconds[-1], words, color))
-        axis.set_xscale("log")
-        axis.set_yscale("log")
+        axis.set(xscale="log", yscale="log")
         for worst, words in PAPER:
             axis.plot(PAPER_AT, worst, "o", markersize=10, mfc="none", mec=CONTACT)
             ends.append((worst, words, CONTACT))
-        axis.set_xlim(complexity[0] / 1.25, PAPER_AT * 1.25)
+        axis.set(xlim=(complexity[0] / 1.25, PAPER_AT * 1.25), ylabel="time per query")
         axis.set_xlabel("complexity  |V(A)|²|V(B)| + |V(A)||V(B)|²")
-        axis.set_ylabel("time per query")
         axis.yaxis.set_major_formatter(FuncFormatter(_time))
         axis.grid(color=GREY, linewidth=0.6)
         _beside(axis, ends)

@@ -84,6 +84,11 @@ def short(cell: object) -> str:
     return f"{float(digits):g}" if abs(cell) < 1e-4 else f"{float(digits):,.12g}".replace(",", " ")
 
 
+def length_text(metres: float, _: object = None) -> str:
+    """Return a length in words, also for the ticks of an axis."""
+    return f"{metres * 1e3:g} mm" if metres < 0.01 else f"{metres * 1e2:g} cm"
+
+
 def png(figure: Any) -> bytes:
     """Return a matplotlib figure as PNG."""
     picture = io.BytesIO()

@@ -62,7 +62,7 @@ def clearance(scene: Scene, movable: Sequence[str] = (), activated: bool = False
 
     Raises:
         InputError: for an unknown obstacle, for ``planner.distance: fcl``, and for every other reason to refuse the
-        scene.
+            scene.
     """
     instance(scene, Scene, "scene")
     instance(activated, bool, "activated")

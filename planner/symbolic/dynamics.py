@@ -26,11 +26,11 @@ def dynamics(robot: Robot | Scene) -> ca.Function:
 
     Args:
         robot: a robot, with the masses of its held objects; or a scene, which stands for its robot with its payload
-        too.
+            too.
 
     Raises:
         InputError: for a robot that has inertias that no body has, or joints that move no mass, and every other reason
-        to refuse the scene's robot.
+            to refuse the scene's robot.
     """
     if isinstance(robot, Scene):
         setup = Setup.of(robot)

@@ -33,7 +33,7 @@ def kinematics(robot: Robot | Scene, link: str | None = None) -> ca.Function:
 
     Raises:
         InputError: for an unknown link, a robot without one end effector, and every other reason to refuse the scene's
-        robot.
+            robot.
     """
     found = robot_of(robot)
     name, places = end_effector(found, "link") if link is None else checked(text, link, "link"), link_places(found)

@@ -46,7 +46,7 @@ class ScenePairs:
 
 
 def scene_pairs(setup: Setup, movable: Sequence[str], activated: bool) -> ScenePairs:
-    """Lay out the pairs of a scene: those of the planner, and of every `movable` obstacle, by name.
+    """Assemble the pairs of a scene: those of the planner, and of every `movable` obstacle, by name.
 
     Obstacles that move in the scene are movable anyway. Bodies are enlarged by the scene's clearances and, if
     `activated`, by how much earlier the planner's penalty begins. Raises InputError for an unknown obstacle, and for
@@ -91,7 +91,7 @@ def scene_pairs(setup: Setup, movable: Sequence[str], activated: bool) -> SceneP
 
 
 def all_movable(setup: Setup) -> ScenePairs:
-    """Lay out the pairs of a scene in which every obstacle is movable, not activated."""
+    """Assemble the pairs of a scene in which every obstacle is movable, not activated."""
     return scene_pairs(setup, [each.name for each in setup.scene.obstacles], activated=False)
 
 

@@ -135,7 +135,7 @@ Distance = Annotated[
         help="Distance used by the penalty: hdsdf, or fcl (exact, Euclidean); by default the scene's.",
     ),
 ]
-Seed = Annotated[int, typer.Option(metavar="N", help="Seed of the random first guesses.", parser=_whole_number)]
+Seed = Annotated[int, typer.Option(metavar="N", help="Seed of the random guesses.", parser=_whole_number)]
 TimeLimit = Annotated[
     float | None,
     typer.Option(

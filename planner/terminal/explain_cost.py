@@ -5,7 +5,7 @@ In: a built `Problem`. Out: (name, value) rows; sizes are exact, times are measu
 
 from __future__ import annotations
 
-import time
+import timeit
 from collections.abc import Callable
 from typing import Any
 
@@ -77,13 +77,7 @@ def _run(term: Term, problem: Problem, kinematics: KinematicsBatch, line: Array)
 
 
 def _median(run: Callable[[], object]) -> float:
-    run()
-    taken = []
-    for _ in range(TRIALS):
-        began = time.perf_counter()
-        run()
-        taken.append(time.perf_counter() - began)
-    return float(np.median(taken))
+    return float(np.median(timeit.repeat(run, repeat=TRIALS + 1, number=1)[1:]))
 
 
 def _percent(part: float, whole: float) -> str:

@@ -81,7 +81,7 @@ def _standing(problem: Problem) -> Effect:
         why = "every obstacle is out of the robot's reach" if standing else "needs obstacles[]"
         return Effect("obstacles", "", why)
     reach = settings.clearance + settings.activation
-    words = f"{len(standing)}; grows where a moving link comes within {reach:g} m of one"
+    words = f"{len(standing)}; penalty where a moving link comes within {reach:g} m of one"
     if own := sum(obstacle.clearance is not None for obstacle in standing):
         words += f", or within its own clearance + {settings.activation:g} m ({own} of {len(standing)})"
     return Effect("obstacles", words + ", swept from waypoint to waypoint" * settings.swept)
@@ -110,7 +110,7 @@ def _self_collision(problem: Problem) -> Effect:
         held = " or held objects" if problem.robot.attached else ""
         clearance = problem.scene.self_collision.clearance
         why = f"clearance {clearance:g} m" if clearance else "by default"
-        words = f"{why}; grows where two links{held} come within {self_margin(problem.setup):g} m"
+        words = f"{why}; penalty where two links{held} come within {self_margin(problem.setup):g} m"
         return Effect("self-collision", words)
     if not problem.bodies:
         why = "no link has collision geometry"
@@ -247,7 +247,7 @@ def _driven(problem: Problem, quantity: str, limits: JointValues | None) -> str:
     words = f"{_origin(limits)}, moving {mass:.3g} kg: kept by the timing"
     if term := problem.terms.static_torque:
         joints = ", ".join(problem.robot.joint_names[i] for i in term.measure.joints.tolist())
-        return f"{words}; grows where gravity alone takes {1 - BAND / ARM:.0%} of the limit of {joints}"
+        return f"{words}; penalty where gravity alone takes {1 - BAND / ARM:.0%} of the limit of {joints}"
     return f"{words}; no term, as gravity alone overloads no joint"
 
 

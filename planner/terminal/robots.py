@@ -23,6 +23,7 @@ from hdplan.scenes.yaml_format.reader import read_robot
 
 Rows = list[dict[str, Any]]
 
+COUNTS = {**dict.fromkeys(("joints", "held", "links", "pairs"), int), "named_states": str}  # of a robot in the list
 VERSION = "1"  # to be changed with anything that changes what the list says, so that old cache entries are not used
 
 
@@ -47,7 +48,7 @@ def _counts(name: str, files: RobotFiles) -> dict[str, Any]:
     if known is not None:
         return known
     robot = load_robot(RobotSpec(name=name))
-    counts = {
+    counts: dict[str, Any] = {
         "joints": robot.n,
         "held": len(robot.locked),
         "links": len(robot.links),
@@ -61,7 +62,9 @@ def _counts(name: str, files: RobotFiles) -> dict[str, Any]:
 
 
 def _kept(value: Any) -> dict[str, Any] | None:
-    return dict(value["counts"]) if _content(value["files"]) == value["content"] else None
+    counts = dict(value["counts"])
+    same = {name: type(count) for name, count in counts.items()} == COUNTS
+    return counts if same and _content(value["files"]) == value["content"] else None
 
 
 def _content(files: list[str]) -> str | None:

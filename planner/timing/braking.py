@@ -89,9 +89,8 @@ def _jerks(
         taken = np.where(left == 0.0, 0.0, taken)
         between = h * np.ceil(np.maximum(taken - (first + last) / 2, 0.0) / h - 1e-9)
         peak = -left / ((first + last) / 2 + between)  # α
-        crest = v - a * a * first / (
-            2.0 * (peak - a)
-        )  # the velocity where the acceleration passes 0 in the first phase
+        # the velocity where the acceleration passes 0 in the first phase
+        crest = v - a * a * first / (2.0 * (peak - a))
     then = v + (a + peak) * first / 2
     good = np.isfinite(peak) & (np.abs(peak) <= strongest) & (np.abs(peak) <= after * last)
     good &= (np.abs(peak - a) <= at_first * first) & (np.abs(then) <= fastest)

@@ -52,15 +52,12 @@ class SlopedLimit(Protocol):
     @property
     def in_law(self) -> bool:
         """True if the fastest law knows this limit."""
-        ...
 
     def rows(self, path: OnGrid) -> PathRows | None:
         """Rows of the limit on a path; None if there is no law within it."""
-        ...
 
     def slopes(self, path: OnGrid, binding: Binding) -> OnGrid:
         """Return the derivatives of the duration by q, q' and q'' through rows of this limit that bind."""
-        ...
 
 
 def duration_slope(waypoints: Array, limits: Sequence[SlopedLimit]) -> tuple[float, Array]:

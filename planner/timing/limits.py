@@ -24,12 +24,10 @@ class TimingLimit(Protocol):
 
     def rows(self, path: OnGrid) -> PathRows | None:
         """Rows of the limit on a path at the points of `grid`; None if the fastest law does not know this limit."""
-        ...
 
     def stretch(self, curve: Curve) -> float:
         """Return by how much an executed curve must be stretched for the limit to hold along it; at most 1 if it
         holds."""
-        ...
 
 
 class RateLimit:
@@ -49,7 +47,7 @@ class RateLimit:
         if not self.in_law:
             return None
         if self.order == 2:
-            return PathRows.both(path.slope, path.bend, np.zeros_like(path.slope), self.limit)
+            return PathRows.both(path.slope, path.curvature, np.zeros_like(path.slope), self.limit)
         with np.errstate(divide="ignore"):
             most = np.minimum(self.limit / np.abs(path.slope), GREATEST_RATE).min(axis=1, keepdims=True) ** 2
         return PathRows(np.zeros_like(most), np.ones_like(most), most)
@@ -60,7 +58,7 @@ class RateLimit:
         if self.order == 2:  # a = ±q', b = ±q''
             joint, sign = binding.row % path.q.shape[1], np.where(binding.row < path.q.shape[1], 1.0, -1.0)
             np.subtract.at(found.slope, (point, joint), sign * binding.multiplier * binding.push)
-            np.subtract.at(found.bend, (point, joint), sign * binding.multiplier * binding.square)
+            np.subtract.at(found.curvature, (point, joint), sign * binding.multiplier * binding.square)
             return found
         joint = (np.abs(path.slope[point]) / self.limit).argmax(axis=1)  # c = (v/q')², of the slowest joint
         by_slope = -2.0 * self.limit[joint] ** 2 / path.slope[point, joint] ** 3

@@ -23,7 +23,7 @@ import copy
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple, cast, overload
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -220,28 +220,22 @@ class Retimer:
                 fastest = self._quickest(path, spline)
                 return self._timed(path, spline, fastest.law, duration, fastest.rows)
         quickest = self._quickest(path, spline, than)
-        return None if quickest is None else self._rounded(path, spline, quickest)
+        return None if quickest.duration >= than else self._rounded(path, spline, quickest)
 
-    @overload
-    def _quickest(self, path: Trajectory, spline: PathSpline) -> Quickest: ...
-
-    @overload
-    def _quickest(self, path: Trajectory, spline: PathSpline, than: float) -> Quickest | None: ...
-
-    def _quickest(self, path: Trajectory, spline: PathSpline, than: float = math.inf) -> Quickest | None:
-        """Return the law of the quickest motion along a path, from rest to rest, with its duration and its rows; None
-        if it takes `than` [s] or longer."""
+    def _quickest(self, path: Trajectory, spline: PathSpline, than: float = math.inf) -> Quickest:
+        """Return the law of the quickest motion along a path, from rest to rest, with its duration and its rows; an
+        infinite duration where its fastest law alone takes `than` [s] or longer."""
         if _stands(path):
             return Quickest(MinimumJerk(1.0 / self.rate), 1.0 / self.rate, 2)
         law, most = self._time_optimal(spline), than * self.timing.scale
         if law.duration + FEWEST_ROWS / self.rate >= most:
-            return None
+            return Quickest(law, math.inf, 0)
         found = self._windowed(spline, law)
         if not math.isfinite(found.duration):
             raise HdplanError("no time law was found within the limits on the executed curve")
         duration = found.duration / self.timing.scale
         self._check_rows(duration)
-        return None if duration >= than else found._replace(duration=duration)
+        return found._replace(duration=duration)
 
     def _inset(self, waypoints: Array) -> Array:
         """Keep the inner waypoints LIMIT_INSET away from the joint limits: between rows, quintics deviate from the path
@@ -387,8 +381,8 @@ def _rows(spline: PathSpline, law: TimeLaw, duration: float, count: int) -> tupl
     u[0], u[-1] = 0.0, 1.0  # to the last bit: the motion ends where its path does, at rest
     first[[0, -1]] = second[[0, -1]] = 0.0
     first, second = first[:, None] / duration, second[:, None] / duration**2
-    slope, bend = spline(u, 1), spline(u, 2)
-    return u, (spline(u), slope * first, bend * first**2 + slope * second)
+    slope, curvature = spline(u, 1), spline(u, 2)
+    return u, (spline(u), slope * first, curvature * first**2 + slope * second)
 
 
 def _divided(parameter: Array, rows: Rows, duration: float, parts: int) -> tuple[Array, Rows]:

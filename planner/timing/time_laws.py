@@ -33,7 +33,6 @@ class TimeLaw(Protocol):
     def rows(self, count: int) -> Array:
         """Return u and its first two derivatives by the share of the duration (3, count) at even times, first and last
         included."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -98,10 +97,10 @@ class Averaged:
             return MinimumJerk(1.0).rows(count)
         step, width = 1.0 / (count - 1), self.law.duration / (count - 1 - window)
         rate = self.law.path_speeds_at(np.arange(-window, count, dtype=np.float64) * width) * (width / step)
-        bend = (rate[window:] - rate[:-window]) / (window * step)
-        slope = _summed(step / 2 * (bend[1:] + bend[:-1]))
-        u = _summed(step * slope[:-1] + step**2 / 6 * (2 * bend[:-1] + bend[1:]))
-        rows: Array = np.stack([u, slope, bend]) / u[-1]
+        acceleration = (rate[window:] - rate[:-window]) / (window * step)
+        slope = _summed(step / 2 * (acceleration[1:] + acceleration[:-1]))
+        u = _summed(step * slope[:-1] + step**2 / 6 * (2 * acceleration[:-1] + acceleration[1:]))
+        rows: Array = np.stack([u, slope, acceleration]) / u[-1]
         return rows
 
 

@@ -40,9 +40,8 @@ GRID = 200  # intervals of the path
 GREATEST_RATE = 1e8  # of ü and u̇² [1/s²]: a law's duration is not below 1e-4 s
 SET_ROUNDING = 1e-8  # [1/s²] by which a set may be empty
 SLACK = 1e-12  # [–] of a row that may be rounding: all that is left of one where a path turns back
-NEXT_HIGH, NEXT_LOW, MOST_ABOVE, MOST_BELOW = range(
-    4
-)  # lines beside the rows: x' in its set, and |ü| at most GREATEST_RATE
+# lines beside the rows: x' in its set, and |ü| at most GREATEST_RATE
+NEXT_HIGH, NEXT_LOW, MOST_ABOVE, MOST_BELOW = range(4)
 NO_LINE = -1  # in place of a line's number
 
 
@@ -64,7 +63,7 @@ class OnGrid(NamedTuple):
 
     q: Array
     slope: Array  # q'
-    bend: Array  # q''
+    curvature: Array  # q''
 
     @classmethod
     def of(cls, spline: PathSpline) -> OnGrid:

@@ -46,12 +46,12 @@ class TorqueLimit:
         factors = np.where(binding.row < n, -1.0, 1.0) * binding.multiplier
         for k, point in enumerate(binding.point.tolist()):
             slope, joint = path.slope[point], binding.row[k] % n
-            acceleration = slope * binding.push[k] + path.bend[point] * binding.square[k]
+            acceleration = slope * binding.push[k] + path.curvature[point] * binding.square[k]
             by_q, by_v, _ = pin.computeRNEADerivatives(self.model, data, q[point], slope * speed[k], acceleration)
             mass = np.concatenate([data.M[:joint, joint], data.M[joint, joint:]])  # its upper triangle is filled
             found.q[point] += factors[k] * by_q[joint]
             found.slope[point] += factors[k] * (by_v[joint] * speed[k] + mass * binding.push[k])
-            found.bend[point] += factors[k] * mass * binding.square[k]
+            found.curvature[point] += factors[k] * mass * binding.square[k]
         return found
 
     def stretch(self, curve: Curve) -> float:

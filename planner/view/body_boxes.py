@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hdplan.planner.collision.halfspace_bodies import from_obstacle
-from hdplan.planner.geometry.clouds import boxes_mesh
+from hdplan.planner.geometry.drawn_shapes import boxes_mesh
 from hdplan.planner.view.drawing.colors import OUTER
 from hdplan.scenes.scene import Scene
 
@@ -31,7 +31,7 @@ class BoxLayer:
             if self.node is not None:
                 self.node.remove()
             self._scene, self.node = scene, self._drawn(scene)
-        if self.node is not None and self.node.visible != on:
+        if self.node is not None:
             self.node.visible = on
 
     def _drawn(self, scene: Scene) -> Any:

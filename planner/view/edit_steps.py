@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.view.edited_scene import Edited
+from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.words import small
 from hdplan.scenes.errors import HdplanError, InputError
@@ -56,9 +57,9 @@ class Step:
 class Editing:
     """The way back and forth, and what was refused."""
 
-    def __init__(self, viewer: Viewer) -> None:
+    def __init__(self, viewer: Viewer, handles: Handles) -> None:
         """Build it in the container at hand."""
-        self._viewer = viewer
+        self._viewer, self._handles = viewer, handles
         gui = viewer.server.gui
         self.buttons = gui.add_button_group(
             "history", ("undo", "redo", "reset"), hint="changes of scene and motions; reset: the original scene"
@@ -134,7 +135,7 @@ class Editing:
         """Show what an edit makes of the scene at a `moment` [s]; without one, it is a step of its
         own. Raises InputError, and changes nothing, for what it does not allow; what was taken of the same that is
         `typed` goes, too."""
-        viewer, last, handles = self._viewer, self._last, self._viewer.panel.handles
+        viewer, last, handles = self._viewer, self._last, self._handles
         together, selected = last.goes_on(field, viewer.edited, moment, typed), handles.selected
         self._doing = field
         try:
@@ -156,7 +157,7 @@ class Editing:
 
     def _forget(self) -> None:
         """Leave the last step as if there had been none."""
-        self._viewer.panel.handles.selected, self._last = self._last.selected, Step()
+        self._handles.selected, self._last = self._last.selected, Step()
         self._viewer.document.forget()
 
     def _later(self, what: str, seconds: float, job: Callable[[], None]) -> None:

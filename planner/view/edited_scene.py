@@ -22,6 +22,8 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import settled
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
@@ -59,6 +61,13 @@ class Edited:
     def robot(self) -> Robot:
         """The scene's robot."""
         return self.setup.robot
+
+    def obstacle(self, name: str) -> Obstacle:
+        """Return the obstacle of a name. Raises InputError if it is gone."""
+        for obstacle in self.scene.obstacles:
+            if obstacle.name == name:
+                return obstacle
+        raise InputError(f"obstacle {name}: is no longer in the scene")
 
     @cached_property
     def certifier(self) -> Certifier:

@@ -15,6 +15,7 @@ import pinocchio as pin
 from hdplan.planner.view import scene_edits
 from hdplan.planner.view.edit_steps import Editing, Fields, numbers_in, spaced
 from hdplan.planner.view.edited_scene import Edited
+from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.things import REACHED_DISTANCE, Thing, dragged, place_of, turns
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.poses import Pose
@@ -31,25 +32,24 @@ NO_END = "neither start nor goal is selected"
 class EndFields:
     """The fields of the end that is selected."""
 
-    def __init__(self, viewer: Viewer, editing: Editing) -> None:
+    def __init__(self, viewer: Viewer, editing: Editing, handles: Handles) -> None:
         """Build them in the container at hand."""
-        self._viewer, self._editing = viewer, editing
+        self._viewer, self._editing, self._handles = viewer, editing, handles
         gui = viewer.server.gui
         self._folder = gui.add_folder("place of start or goal", visible=False)
         with self._folder:
             snap = gui.add_button("Snap", hint=scene_edits.SNAPS)
         snap.on_click(lambda _: editing.do(self.snap))
-        self._fields = Fields(editing, lambda: viewer.panel.handles.turn)
+        self._fields = Fields(editing, lambda: handles.turn)
         self._turning: tuple[Any, ...] = ()  # the fields of its turn, once they are built
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
     def update(self) -> None:
         """Show the end that is selected, if one is."""
-        thing = self._viewer.panel.handles.selected
+        thing = self._handles.selected
         shown = thing is not None and thing.kind != "obstacle"
-        if self._folder.visible != shown:
-            self._folder.visible = shown
+        self._folder.visible = shown
         if thing is None or not shown:
             return
         if not self._turning:
@@ -57,8 +57,7 @@ class EndFields:
                 self._build()
         turning = turns(self._viewer.edited, thing)
         for field in self._turning:
-            if field.visible != turning:
-                field.visible = turning
+            field.visible = turning
         self._fields.update()
 
     def snap(self) -> None:
@@ -93,7 +92,7 @@ class EndFields:
 
     @property
     def _end(self) -> Thing:
-        thing = self._viewer.panel.handles.selected
+        thing = self._handles.selected
         if thing is None or thing.kind == "obstacle":
             raise InputError(NO_END)
         return thing

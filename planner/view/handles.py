@@ -9,11 +9,11 @@ everything is measured again when it is let go.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from hdplan.planner.view.drawing.handle import add_handle, is_moved, pose_of
 from hdplan.planner.view.edited_scene import Edited
-from hdplan.planner.view.things import Thing, dragged, obstacle_of, place_of, things, turns
+from hdplan.planner.view.grip import Grip
+from hdplan.planner.view.things import Thing, dragged, place_of, things, turns
 from hdplan.planner.view.words import small
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.poses import Pose
@@ -28,23 +28,24 @@ class Handles:
     """The selected thing and its handle."""
 
     def __init__(self, viewer: Viewer) -> None:
-        """Build the list in the container at hand."""
+        """Select nothing; `build` builds the list."""
         self._viewer = viewer
         self.selected: Thing | None = None
         self.others: tuple[Thing, ...] = ()  # obstacles that are selected, too
         self.turn = 0  # how often another thing was selected
         self._begin: Edited | None = None  # what it was when dragging began
-        self._hand: int | None = None  # the browser that moved the handle last
         self._moving = False  # whether the change under way is the hand's
-        self._at: Pose | None = None  # where the hand, or `place`, has put the handle
-        self.choice = viewer.server.gui.add_dropdown(
+        self.grip = Grip(viewer.server, viewer.worker, self)
+        viewer.stage.on_click(lambda thing, more: viewer.worker.ask("select", lambda: self._clicked(thing, more)))
+
+    def build(self) -> None:
+        """Build the list in the container at hand."""
+        viewer, gui = self._viewer, self._viewer.server.gui
+        self.choice = gui.add_dropdown(
             "selected", (NOTHING, *map(str, things(viewer.edited))), hint="the object with a handle in the scene"
         )
-        self._text = viewer.server.gui.add_html("")
-        self._handle: Any = None
-        self._handles = 0  # so far
+        self._text = gui.add_html("")
         self.choice.on_update(lambda _: viewer.worker.ask("select", self._chosen))
-        viewer.stage.on_click(lambda thing, more: viewer.worker.ask("select", lambda: self._clicked(thing, more)))
 
     @property
     def dragging(self) -> bool:
@@ -56,15 +57,6 @@ class Handles:
         """The names of all obstacles that are selected, the one with the handle last."""
         last = () if self.selected is None else (self.selected,)
         return tuple(each.name for each in (*self.others, *last) if each.kind == "obstacle")
-
-    def release(self) -> None:
-        """Let go of what is dragged, if anything is. By any thread."""
-        self._viewer.worker.ask("let go", self.let_go)
-
-    def left(self, browser: int) -> None:
-        """Let go of what a browser drags that is gone. By any thread."""
-        if browser == self._hand:
-            self.release()
 
     def deselect(self) -> None:
         """Select nothing. By any thread."""
@@ -85,6 +77,11 @@ class Handles:
         self._show()
         self.place()
         self._viewer.panel.player.draw()
+
+    def select_all(self, names: Sequence[str], others: Sequence[str] = ()) -> None:
+        """Select these obstacles, the last of which gets the handle, and others."""
+        *more, last = (Thing("obstacle", name) for name in (*others, *names))
+        self.select(last, more)
 
     def select_also(self, thing: Thing) -> None:
         """Select an obstacle beside those that are selected, or no more, if it is."""
@@ -110,7 +107,7 @@ class Handles:
             raise
         finally:
             self._moving = False
-        self._at = place_of(edited, self.selected, viewer.stage.tip)
+        self.grip.pose = place_of(edited, self.selected, viewer.stage.tip)
         self._say(words)
         viewer.panel.live.follow()
 
@@ -137,67 +134,39 @@ class Handles:
             return
         self.others = tuple(each for each in self.others if each in every)
         self._show()
-        if not dragging or self._at != place_of(self._viewer.edited, self.selected, self._viewer.stage.tip):
+        if not dragging or self.grip.pose != place_of(self._viewer.edited, self.selected, self._viewer.stage.tip):
             self.place()
 
     def _show(self) -> None:
         """Say what is selected, in the list, in the scene and in the fields."""
-        name = NOTHING if self.selected is None else str(self.selected)
-        if self.choice.value != name:
-            self.choice.value = name
+        self.choice.value = NOTHING if self.selected is None else str(self.selected)
         self._viewer.stage.highlight(self.selected, self.obstacles)
         self._viewer.panel.select(self.selected)
 
     def place(self) -> None:
-        """Put a handle at the selected thing. Each is a node of another name: a browser would continue the last turn on
-        a node of the same name."""
-        if self._handle is not None:
-            self._handle.remove()
-            self._handle = None
+        """Put a handle at the selected thing."""
         viewer, thing = self._viewer, self.selected
         if thing is None:
-            self._at = None
+            self.grip.put(None)
             self._say("")
-            viewer.panel.looking.fade()
-            return
-        if thing.kind == "obstacle" and obstacle_of(viewer.edited, thing).motion is not None:
-            viewer.panel.player.go_to(viewer.panel.player.timeline.begin)
-            self._say("the handle is at its pose at 0 s; its motion stays")
-        self._at = pose = place_of(viewer.edited, thing, viewer.stage.tip)
-        self._handles += 1
-        self._handle = add_handle(viewer.server, self._handles, pose, turns(viewer.edited, thing))
-        self._handle.on_update(self._dragged)
+        else:
+            if thing.kind == "obstacle" and viewer.edited.obstacle(thing.name).motion is not None:
+                viewer.panel.player.go_to(viewer.panel.player.timeline.begin)
+                self._say("the handle is at its pose at 0 s; its motion stays")
+            self.grip.put(place_of(viewer.edited, thing, viewer.stage.tip), turns(viewer.edited, thing))
         viewer.panel.looking.fade()
 
     def _clicked(self, thing: Thing, more: bool) -> None:
         """Select what was clicked on in the scene, unless a click means a point to be measured."""
         if self._viewer.panel.measuring.on:
             return
-        if more:
-            self.select_also(thing)
-        else:
-            self.select(thing)
+        (self.select_also if more else self.select)(thing)
 
     def _chosen(self) -> None:
         """Select what the list says."""
         chosen = next((thing for thing in things(self._viewer.edited) if str(thing) == self.choice.value), None)
-        if chosen != self.selected or self._handle is None:
+        if chosen != self.selected or self.grip.node is None:
             self.select(chosen)
-
-    def _dragged(self, event: Any) -> None:
-        """Handle a browser's event."""
-        self._hand = event.client_id
-        self._viewer.worker.ask("drag", lambda: self._follow(event.target))
-        if event.phase == "end":
-            self.release()
-
-    def _follow(self, handle: Any) -> None:
-        """Let the selected thing follow its handle; one that was taken away may still be in a hand elsewhere."""
-        if handle is not self._handle:
-            return
-        pose = pose_of(handle)
-        if self.dragging or self._at is None or is_moved(pose, self._at):
-            self.drag(pose)
 
     def _say(self, text: str) -> None:
         self._text.content = small(text)

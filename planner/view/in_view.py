@@ -8,7 +8,9 @@ import numpy as np
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.labels import Label
+from hdplan.planner.view.drawing.motion import few_of
 from hdplan.planner.view.drawing.nodes import LinkNode, ObstacleNode
+from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.looking import SPARSE
 from hdplan.planner.view.things import place_of
 from hdplan.scenes.array_types import Array
@@ -17,15 +19,13 @@ from hdplan.scenes.poses import Pose
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
-POSTURES = 7  # of the robot along a motion
-
 
 class InView:
     """The scene of a viewer, for its cameras."""
 
-    def __init__(self, viewer: Viewer) -> None:
-        """Take its viewer."""
-        self._viewer = viewer
+    def __init__(self, viewer: Viewer, handles: Handles) -> None:
+        """Take its viewer, and its selection."""
+        self._viewer, self._handles = viewer, handles
 
     @property
     def robot(self) -> Robot:
@@ -59,7 +59,7 @@ class InView:
 
     def selected(self) -> ObstacleNode | Array | None:
         """Return the selection: an obstacle, or the robot at its start or goal (n,)."""
-        viewer, thing = self._viewer, self._viewer.panel.handles.selected
+        viewer, thing = self._viewer, self._handles.selected
         if thing is None:
             return None
         if thing.kind == "obstacle":
@@ -68,14 +68,9 @@ class InView:
 
     def handle(self) -> Pose | None:
         """Return the pose of the handle; None: there is none."""
-        viewer, thing = self._viewer, self._viewer.panel.handles.selected
+        viewer, thing = self._viewer, self._handles.selected
         return None if thing is None else place_of(viewer.edited, thing, viewer.stage.tip)
 
     def words(self) -> tuple[Label, ...]:
         """Return the labels that are not to lie over each other."""
         return self._viewer.stage.words
-
-
-def few_of(joints: Array) -> Array:
-    """Return configurations at equal steps along those of a motion (K, n)."""
-    return np.asarray(joints[np.linspace(0, len(joints) - 1, POSTURES).astype(int)])

@@ -19,12 +19,12 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.ground import ground_of
 from hdplan.planner.view.drawing.labels import Label
+from hdplan.planner.view.drawing.motion import few_of
 from hdplan.planner.view.drawing.nodes import ObstacleNode
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited_job import EditedJob
 from hdplan.planner.view.gate import Gate, Served
 from hdplan.planner.view.history import History
-from hdplan.planner.view.in_view import few_of
 from hdplan.planner.view.job_handles import JobHandles
 from hdplan.planner.view.job_layers import JobLayers
 from hdplan.planner.view.job_planning import JobPlanning, Run
@@ -32,7 +32,7 @@ from hdplan.planner.view.job_plots import JobPlots
 from hdplan.planner.view.job_saving import JobSaving
 from hdplan.planner.view.job_stage import JobStage
 from hdplan.planner.view.job_words import held_words, job_badge, job_legend, job_words, stage_rows
-from hdplan.planner.view.keys import Key, Keys, keys_to_play
+from hdplan.planner.view.keys import Keys, common_keys
 from hdplan.planner.view.looking import Looking
 from hdplan.planner.view.page_script import Message, Page
 from hdplan.planner.view.player import Player
@@ -103,17 +103,8 @@ class JobViewer(Served):
         with gui.add_folder("layers", expand_by_default=False):
             self.layers = JobLayers(self.server, self.worker, self.stage, lambda: self.player.draw())
         self._note = gui.add_html("")
-        self.keys = Keys(
-            self.server,
-            (
-                *keys_to_play(lambda: self.player),
-                Key("P", "P", "Plan, or stop", lambda _: self.toggle()),
-                Key("Z", "Z", "Undo", lambda _: self.go_back("undo")),
-                Key("shift Z", "Z", "Redo", lambda _: self.go_back("redo"), "shift"),
-                Key("esc", "escape", "Select nothing, or close this list", lambda _: self.handles.deselect()),
-                Key("F", "F", "Look at the selection", self.looking.frame),
-            ),
-        )
+        keys = common_keys(self.player, self.toggle, self.go_back, self.handles.deselect, self.looking.frame)
+        self.keys = Keys(self.server, keys)
         self.page.on("stage", self._go_to_stage)
 
     # --- what is shown --------------------------------------------------------------------------------------------

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import viser
@@ -18,7 +17,7 @@ from hdplan.planner.view.layers import LAYERS
 from hdplan.planner.view.player import Player
 
 if TYPE_CHECKING:
-    from hdplan.planner.view.viewer import Viewer
+    from hdplan.planner.view.panel import Panel
 
 KEY_STEP = 0.02  # of the whole motion, of ← and →
 # A picture of one pixel: its arrival runs the script.
@@ -94,40 +93,40 @@ class Keys:
         self._lists[client.client_id] = modal
 
 
-def keys_of(viewer: Viewer) -> tuple[Key, ...]:
-    """Return the keys of a viewer of motions, whose panel is still being built."""
-
-    def ask(what: str) -> Callable[[Any], object]:
-        return lambda _: viewer.panel.obstacles.ask(what)
-
-    def toggle(layer: str, _: Any) -> None:
-        viewer.panel.layers.toggle(layer)
-
+def keys_of(panel: Panel) -> tuple[Key, ...]:
+    """Return the keys of the panel of motions."""
     layers = [
-        Key(str(i), str(i), f"Show or hide: {name}", partial(toggle, name))
-        for i, name in enumerate(LAYERS, start=1)
-        if i < 10  # the others have no key
+        Key(str(i), str(i), f"Show or hide: {name}", lambda _, name=name: panel.layers.toggle(name))  # type: ignore[misc]
+        for i, name in zip(range(1, 10), LAYERS, strict=False)  # the others have no key
     ]
     return (
-        *keys_to_play(lambda: viewer.panel.player),
-        Key("P", "P", "Plan, or stop", lambda _: viewer.panel.planning.toggle()),
-        Key("Z", "Z", "Undo", lambda _: viewer.panel.editing.ask("undo")),
-        Key("shift Z", "Z", "Redo", lambda _: viewer.panel.editing.ask("redo"), "shift"),
-        Key("del", "delete", "Delete the selected obstacles", ask("delete")),
-        Key("ctrl D", "D", "Duplicate them", ask("duplicate"), "cmd/ctrl"),
+        *common_keys(
+            panel.player, panel.planning.toggle, panel.editing.ask, panel.handles.deselect, panel.looking.frame
+        ),
+        Key("del", "delete", "Delete the selected obstacles", lambda _: panel.obstacles.ask("delete")),
+        Key("ctrl D", "D", "Duplicate them", lambda _: panel.obstacles.ask("duplicate"), "cmd/ctrl"),
         Key("ctrl C, V", "", "Copy them as a scene writes them; paste obstacles", lambda _: None),
-        Key("esc", "escape", "Select nothing, or close this list", lambda _: viewer.panel.handles.deselect()),
-        Key("F", "F", "Look at the selection", lambda client: viewer.panel.looking.frame(client)),
         *layers,
     )
 
 
-def keys_to_play(player: Callable[[], Player]) -> tuple[Key, ...]:
-    """Return the keys that move the time slider."""
+def common_keys(
+    player: Player,
+    plan: Callable[[], object],
+    go_back: Callable[[str], object],
+    deselect: Callable[[], object],
+    frame: Callable[[Any], object],
+) -> tuple[Key, ...]:
+    """Return the keys of every viewer: they play, plan, undo and select, and `frame` the selection for a browser."""
     return (
-        Key("space", "space", "Play or pause", lambda _: player().toggle()),
-        Key("←", "arrowleft", "Step back", lambda _: player().step(-KEY_STEP)),
-        Key("→", "arrowright", "Step on", lambda _: player().step(KEY_STEP)),
-        Key("home", "home", "Go to the start", lambda _: player().step(-1.0)),
-        Key("end", "end", "Go to the goal", lambda _: player().step(1.0)),
+        Key("space", "space", "Play or pause", lambda _: player.toggle()),
+        Key("←", "arrowleft", "Step back", lambda _: player.step(-KEY_STEP)),
+        Key("→", "arrowright", "Step on", lambda _: player.step(KEY_STEP)),
+        Key("home", "home", "Go to the start", lambda _: player.step(-1.0)),
+        Key("end", "end", "Go to the goal", lambda _: player.step(1.0)),
+        Key("P", "P", "Plan, or stop", lambda _: plan()),
+        Key("Z", "Z", "Undo", lambda _: go_back("undo")),
+        Key("shift Z", "Z", "Redo", lambda _: go_back("redo"), "shift"),
+        Key("esc", "escape", "Select nothing, or close this list", lambda _: deselect()),
+        Key("F", "F", "Look at the selection", frame),
     )

@@ -12,6 +12,7 @@ from hdplan.planner.view.body_boxes import BoxLayer
 from hdplan.planner.view.drawing.colors import COLLISION, OUTER
 from hdplan.planner.view.drawing.nodes import RobotNodes
 from hdplan.planner.view.drawing.skins import collision_skins, outer_skins
+from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.marks import Frames, Names, Trail
 from hdplan.planner.view.planes import PlaneLayer
 from hdplan.scenes.array_types import Array
@@ -46,9 +47,9 @@ LAYERS = {  # name: initially on, description
 class Layers:
     """Check boxes, and the two robots that are shown only on request."""
 
-    def __init__(self, viewer: Viewer) -> None:
+    def __init__(self, viewer: Viewer, handles: Handles) -> None:
         """Build the boxes in the container at hand."""
-        self._viewer = viewer
+        self._viewer, self._handles = viewer, handles
         self._boxes = {name: viewer.server.gui.add_checkbox(name, on, hint=hint) for name, (on, hint) in LAYERS.items()}
         for box in self._boxes.values():
             box.on_update(lambda _: viewer.worker.ask("layers", self._switch))
@@ -87,10 +88,9 @@ class Layers:
         self.frames.show(self.on(FRAMES), viewer.robot, q)
         self.names.show(self.on(NAMES) and self.on("obstacles"), viewer.stage.obstacles)
         clouds, active = viewer.stage.clouds, viewer.motions.active
-        if self._color.visible != bool(clouds):
-            self._color.visible = bool(clouds)
+        self._color.visible = bool(clouds)
         by_clearance = self._color.value == CLEARANCE and active is not None
-        for cloud in () if viewer.panel.handles.dragging else clouds:
+        for cloud in () if self._handles.dragging else clouds:
             cloud.color(viewer.robot, active.motion if by_clearance and active is not None else None)
 
     def show_plane(self, parameter: float, pairs: tuple[Closest | None, Closest | None], reported: bool) -> None:

@@ -17,6 +17,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.view.edited_scene import Edited
+from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.newest import Newest
 from hdplan.planner.view.planning import NAME
 from hdplan.scenes.errors import HdplanError
@@ -36,9 +37,9 @@ SLOW_PLANS = 2  # plans in a row that find nothing within LIVE_LIMIT switch it o
 class Live:
     """The switch, the count, and the thread that plans."""
 
-    def __init__(self, viewer: Viewer) -> None:
+    def __init__(self, viewer: Viewer, handles: Handles) -> None:
         """Build the switch in the container at hand, and start the thread."""
-        self._viewer = viewer
+        self._viewer, self._handles = viewer, handles
         gui = viewer.server.gui
         self.switch = gui.add_checkbox("live", True, hint="during a drag, keep planning from the last motion")
         self._text = gui.add_html("")
@@ -103,7 +104,7 @@ class Live:
         planned_here = active is not None and active.result is not None
         name = active.motion.name if active and planned_here else viewer.motions.free_name(NAME)
         viewer.document.put(
-            name, result.trajectory, certificate, measured=not viewer.panel.handles.dragging, result=result, step=False
+            name, result.trajectory, certificate, measured=not self._handles.dragging, result=result, step=False
         )
         active = viewer.motions.active
         if active is not None and active.motion.certificate.certified:
@@ -120,8 +121,7 @@ class Live:
 
     def _say(self, text: str) -> None:
         words = f'<div class="hd hd-under">{html.escape(text)}</div>'
-        if self._text.content != words:
-            self._text.content = words
+        self._text.content = words
 
     # --- the thread -----------------------------------------------------------------------------------------------
 

@@ -130,5 +130,4 @@ class Names:
             if name not in self.labels:
                 label = self._scene.add_label(f"{name}/name", text, **LABELS | {"font_screen_scale": 0.8})
                 self.labels[name] = label, node
-            elif self.labels[name][0].text != text:
-                self.labels[name][0].text = text
+            self.labels[name][0].text = text

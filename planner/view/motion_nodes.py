@@ -126,8 +126,7 @@ class MotionNodes:
             drawn.path.draw(motion.tip, look.colors, PATH_WIDTH if look.wide else THIN_PATH)
             drawn.robot.paint(color)
             drawn.sent = sent
-        if drawn.path.visible != (visible := shown.visible and seen):
-            drawn.path.visible = visible
+        drawn.path.visible = shown.visible and seen
 
 
 def verdict_color(certificate: Certificate) -> Color:

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, assert_never
 from hdplan.planner.view import groups, scene_edits
 from hdplan.planner.view.edit_steps import Editing, Fields, number_in, numbers_in, optional, spaced
 from hdplan.planner.view.edited_scene import Edited
+from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.page_script import LONGEST_TEXT
-from hdplan.planner.view.things import Thing, obstacle_of
+from hdplan.planner.view.things import Thing
 from hdplan.planner.view.uploads import MESHES
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
@@ -33,9 +34,9 @@ NO_CHOICE = "no obstacle is selected: click on one, or choose it in the list"
 class ObstacleFields:
     """The buttons, and the fields of the selected obstacle."""
 
-    def __init__(self, viewer: Viewer, editing: Editing) -> None:
+    def __init__(self, viewer: Viewer, editing: Editing, handles: Handles) -> None:
         """Build them in the container at hand."""
-        self._viewer, self._editing = viewer, editing
+        self._viewer, self._editing, self._handles = viewer, editing, handles
         gui = viewer.server.gui
         new = gui.add_button_group("add", tuple(scene_edits.NEW), hint="an obstacle, where there is room within reach")
         mesh = gui.add_upload_button("Add a mesh", mime_type=",".join(MESHES))
@@ -47,7 +48,7 @@ class ObstacleFields:
         mesh.on_upload(lambda event: self._editing.do(partial(self.add_mesh, event.target.value)))
         for buttons in (self._buttons, self._grouping):
             buttons.on_click(lambda event: self.ask(str(event.target.value)))
-        self._fields = Fields(self._editing, lambda: viewer.panel.handles.turn)
+        self._fields = Fields(self._editing, lambda: handles.turn)
         self._kind: object = None  # of obstacle whose fields there are
 
     def ask(self, what: str) -> None:
@@ -77,7 +78,7 @@ class ObstacleFields:
         """Put second ones beside the selected obstacles, and select them."""
         edited, added = scene_edits.duplicated(self._viewer.edited, *self._names)
         self._editing.apply("duplicate", lambda _: edited)
-        self._viewer.panel.handles.select(added[-1], added[:-1])
+        self._handles.select(added[-1], added[:-1])
 
     def snap(self) -> None:
         """Move the selected obstacles to whole centimetres and degrees."""
@@ -91,7 +92,7 @@ class ObstacleFields:
         file = self._viewer.uploads.take(PASTED, as_section(text).encode(), (PASTED,))
         edited, added = scene_edits.pasted(self._viewer.edited, read_obstacles(file))
         self._editing.apply("paste", lambda _: edited)
-        self._viewer.panel.handles.select(added[-1], added[:-1])
+        self._handles.select(added[-1], added[:-1])
 
     def delete(self) -> None:
         """Delete the selected obstacles."""
@@ -102,15 +103,13 @@ class ObstacleFields:
         """Let the selected obstacles be those of a group, or of none, and select them there."""
         edited, names = groups.grouped(self._viewer.edited, self._names, group)
         self._editing.apply("group", lambda _: edited)
-        *others, last = (Thing("obstacle", name) for name in names)
-        self._viewer.panel.handles.select(last, others)
+        self._handles.select_all(names)
 
     def update(self) -> None:
         """Show the selected obstacle."""
-        count = len(self._viewer.panel.handles.obstacles)
+        count = len(self._handles.obstacles)
         for part, shown in ((self._folder, count == 1), (self._buttons, count > 0), (self._grouping, count > 0)):
-            if part.visible != shown:
-                part.visible = shown
+            part.visible = shown
         if count != 1:
             return
         obstacle = self._selected
@@ -125,20 +124,20 @@ class ObstacleFields:
     @property
     def text(self) -> str:
         """The selected obstacles as a scene writes them; "" if none is."""
-        edited, names = self._viewer.edited, self._viewer.panel.handles.obstacles
-        return "".join(obstacle_text(obstacle_of(edited, Thing("obstacle", name))) for name in names)
+        edited, names = self._viewer.edited, self._handles.obstacles
+        return "".join(obstacle_text(edited.obstacle(name)) for name in names)
 
     @property
     def _selected(self) -> Obstacle:
-        thing = self._viewer.panel.handles.selected
+        thing = self._handles.selected
         if thing is None or thing.kind != "obstacle":
             raise InputError(NO_CHOICE)
-        return obstacle_of(self._viewer.edited, thing)
+        return self._viewer.edited.obstacle(thing.name)
 
     @property
     def _names(self) -> tuple[str, ...]:
         """The names of the selected obstacles, at least one. Raises InputError if none is."""
-        names = self._viewer.panel.handles.obstacles
+        names = self._handles.obstacles
         if not names:
             raise InputError(NO_CHOICE)
         return names
@@ -146,7 +145,7 @@ class ObstacleFields:
     def _put(self, field: str, shape: Shape, stem: str) -> None:
         edited, thing = scene_edits.added(self._viewer.edited, shape, stem, self._viewer.panel.looking.eye)
         self._editing.apply(field, lambda _: edited)
-        self._viewer.panel.handles.select(thing)
+        self._handles.select(thing)
 
     def _build(self, obstacle: Obstacle) -> None:
         """Build the fields of an obstacle of such a shape and such a motion."""
@@ -221,7 +220,7 @@ class ObstacleFields:
     def _renamed(self, edited: Edited, new: str) -> Edited:
         renamed = scene_edits.renamed(edited, self._selected.name, new)
         _ = renamed.contacts  # refused before another one is selected
-        self._viewer.panel.handles.selected = Thing("obstacle", new)
+        self._handles.selected = Thing("obstacle", new)
         return renamed
 
     def _size(self, key: str) -> Any:

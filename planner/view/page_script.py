@@ -282,8 +282,7 @@ class Page:
     def copied(self, text: str) -> None:
         """Let the browsers' copy take this text, where somebody has selected no other."""
         content = f'<i class="hdplan-copied" data-yaml="{html.escape(text)}" hidden></i>'
-        if self._copied.content != content:
-            self._copied.content = content
+        self._copied.content = content
 
     def on(self, what: str, handler: Handler) -> None:
         """Name the `handler` of the messages `what` from browsers: it gets the browser and the message."""

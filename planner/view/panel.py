@@ -4,16 +4,12 @@ each a part of its own."""
 from __future__ import annotations
 
 import html
-import time
 from typing import TYPE_CHECKING
 
 from hdplan.planner.certificate.verdict import Closest
-from hdplan.planner.pictures.quantities import Rate, rates
 from hdplan.planner.view.drawing.colors import clearance_legend, color_legend
 from hdplan.planner.view.drawing.ground import ground_of
-from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
-from hdplan.planner.view.drawing.timeline import Timeline
+from hdplan.planner.view.drawing.plots import joint_table
 from hdplan.planner.view.edit_steps import Editing
 from hdplan.planner.view.end_fields import EndFields
 from hdplan.planner.view.exports import Exports
@@ -27,7 +23,7 @@ from hdplan.planner.view.looking import Looking
 from hdplan.planner.view.measuring import Measuring
 from hdplan.planner.view.obstacle_fields import ObstacleFields
 from hdplan.planner.view.opening import Opening
-from hdplan.planner.view.page_script import Page, is_number
+from hdplan.planner.view.page_script import Page
 from hdplan.planner.view.planning import Planning
 from hdplan.planner.view.player import Player
 from hdplan.planner.view.reported import Report
@@ -35,6 +31,7 @@ from hdplan.planner.view.rows import Rows
 from hdplan.planner.view.saving import Saving
 from hdplan.planner.view.settings import Settings
 from hdplan.planner.view.things import Thing
+from hdplan.planner.view.time_plots import TimePlots
 from hdplan.planner.view.tree import Tree
 from hdplan.planner.view.uploads import LONGEST_NAME, check_size
 from hdplan.planner.view.words import OUTDATED, badge, clearance_words, small, tip_words, whats_next
@@ -44,7 +41,6 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 EXPONENT = "numbers are written without an exponent here, as 0.001 or 1000000"
-PLOT_EVERY = 0.1  # [s] between movements of the plots' bars while the slider moves
 
 
 class Panel:
@@ -55,28 +51,30 @@ class Panel:
         self._viewer = viewer
         gui = viewer.server.gui
         ground = ground_of(viewer.robot, viewer.scene.robot, viewer.edited.read.obstacles)
+        self.handles = Handles(viewer)
         self.page = Page(viewer.server, viewer.gate, viewer.scene.name, ground)
         self.planning = Planning(viewer)
         self.player = Player(viewer.server, viewer.worker, viewer.draw)
         self._next, self._badge = gui.add_html(""), gui.add_html("")
         self.rows = Rows(viewer, self.page)
         self._clearance = gui.add_html("")
-        self.live = Live(viewer)
-        self.looking = Looking(viewer.server, viewer.worker, InView(viewer))
+        self.live = Live(viewer, self.handles)
+        self.looking = Looking(viewer.server, viewer.worker, InView(viewer, self.handles))
         self._legend = gui.add_html("")
         self.page.build()
-        self.editing = Editing(viewer)
+        self.plots = TimePlots(viewer.server, self.page, viewer.worker, self.player, self.plot)
+        self.editing = Editing(viewer, self.handles)
         self.tabs = gui.add_tab_group()
         with self.tabs.add_tab("Plots"):
-            self._plots = MotionPlots(viewer.server, viewer.robot, self._replot)
+            self.plots.build(viewer.robot)
         with self.tabs.add_tab("Joints"):
             self._table = gui.add_html("")
             self.jogging = Jogging(viewer, self.editing)
         with self.tabs.add_tab("Scene"):
-            self.handles = Handles(viewer)
-            self.tree = Tree(viewer, self.page, self.editing)
-            self.obstacles = ObstacleFields(viewer, self.editing)
-            self.ends = EndFields(viewer, self.editing)
+            self.handles.build()
+            self.tree = Tree(viewer, self.page, self.editing, self.handles)
+            self.obstacles = ObstacleFields(viewer, self.editing, self.handles)
+            self.ends = EndFields(viewer, self.editing, self.handles)
             self.measuring = Measuring(viewer)
             self.opening = Opening(viewer, self.editing)
             self.saving = Saving(viewer)
@@ -86,15 +84,12 @@ class Panel:
             self.settings = Settings(viewer, self.editing)
         with self.tabs.add_tab("Layers"):
             self.player.build_speed(viewer.server)
-            self.layers = Layers(viewer)
+            self.layers = Layers(viewer, self.handles)
             gui.add_html(small(html.escape(note)))
-        self.keys = Keys(viewer.server, keys_of(viewer))
-        self._followed = 0.0
-        self.page.on("zoom", lambda _, message: self._zoom(message.get("from"), message.get("to")))
+        self.keys = Keys(viewer.server, keys_of(self))
         self.page.on(
             "paste", lambda _, message: self.editing.do(lambda: self.obstacles.paste(str(message.get("text"))))
         )
-        self.page.on("seek", lambda _, message: self._seek(message.get("share")))
         self.page.on("enter", lambda *_: self.editing.enter())
         self.page.on("exponent", lambda *_: self.editing.refuse(EXPONENT))
         self.page.on("too large", lambda _, message: self._refuse(message.get("name"), message.get("size")))
@@ -146,28 +141,19 @@ class Panel:
         self.page.copied(self.obstacles.text)
         self.jogging.follow(thing)
 
-    def plot(self, timeline: Timeline) -> None:
+    def plot(self) -> None:
         """Draw the curves of the motions that are shown, and those of the active one."""
         viewer, active = self._viewer, self._viewer.motions.active
         if active is None:
-            self._plots.clear()
+            self.plots.clear()
             return
         required, _ = viewer.certifier.required(active.motion.curve)
         seen = [(shown.motion, shown.color) for shown in viewer.motions.shown if shown.visible or shown is active]
-        self._plots.set(active.motion, seen, required, self._rates, timeline, self.player.time)
-
-    def _rates(self, motion: ShownMotion) -> tuple[Rate, ...]:
-        """The rates of a motion, with their limits in the scene as it is now."""
-        robot = self._viewer.robot
-        return rates(motion.trajectory.of_joints(robot.joint_names, robot.locked), self._viewer.certifier.limits)
-
-    def _replot(self) -> None:
-        """Draw the plots again. By any thread."""
-        self._viewer.worker.ask("plot", lambda: self.plot(self.player.timeline))
+        self.plots.set(active.motion, seen, required, viewer.edited.setup)
 
     def outdate(self) -> None:
         """Withdraw the words about a scene that has changed."""
-        self._plots.outdate()
+        self.plots.outdate()
         self.planning.outdate()
         self.editing.say("")
 
@@ -180,9 +166,7 @@ class Panel:
         self._clearance.content = whose + clearance_words(self.player.timeline.words(now), pairs)
         tip = tip_words(self._viewer.stage.tip.placement(q))
         self._table.content = joint_table(robot.joint_names, q, robot.lower, robot.upper) + tip
-        if time.perf_counter() - self._followed > PLOT_EVERY or not self.player.playing:
-            self._plots.follow(now)
-            self._followed = time.perf_counter()
+        self.plots.follow(now)
 
     def say(self) -> None:
         """Show the verdicts on the motions, and what to do next."""
@@ -207,24 +191,21 @@ class Panel:
         if motions.active is not None:
             colors, means, _ = self._viewer.motion_nodes.look_of(motions.active)
             content = color_legend(colors, html.escape(means)) if isinstance(colors, tuple) else clearance_legend()
-        if self._legend.content != content:
-            self._legend.content = content
+        self._legend.content = content
 
     def _say_badge(self) -> None:
         """Show the verdict in the scene."""
         viewer, active = self._viewer, self._viewer.motions.active
         holds = active is not None and viewer.document.holds(active)
         content = badge(viewer.edited, None if active is None else active.motion, holds)
-        if self._badge.content != content:
-            self._badge.content = content
+        self._badge.content = content
 
     def say_next(self, words: str, bad: bool = False) -> None:
         """Show what to do or know now, in the two lines that are reserved for it."""
         text = html.escape(words)
         tint = " hd-bad" if bad else ""
         content = f'<div class="hd hd-two{tint}" title="{text}">{text}</div>'
-        if self._next.content != content:
-            self._next.content = content
+        self._next.content = content
 
     def take_back(self) -> None:
         """Withdraw the words about the motions and of a moment: something failed."""
@@ -239,14 +220,3 @@ class Panel:
         """Say that a file is too large to be sent."""
         if isinstance(size, int | float):
             self.editing.do(lambda: check_size(str(name)[:LONGEST_NAME], size))
-
-    def _seek(self, share: object) -> None:
-        """Show the moment at a share of what the plots show."""
-        if is_number(share):
-            begin, end = self._plots.view
-            self.player.go_to(begin + min(max(share, 0.0), 1.0) * (end - begin))
-
-    def _zoom(self, first: object, last: object) -> None:
-        """Zoom the plots to a part of their range, from one share of it to another."""
-        if is_number(first) and is_number(last):
-            self._viewer.worker.ask("zoom", lambda: self._plots.zoom(first, last))

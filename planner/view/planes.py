@@ -88,8 +88,7 @@ class PlaneLayer:
         """Draw the plane between the closest pair where the active motion is at a path parameter; none unless `on` is
         true."""
         plane, words = self._plane(parameter, pairs) if on else (None, "")
-        if small(html.escape(words)) != self._text.content:
-            self._text.content = small(html.escape(words))
+        self._text.content = small(html.escape(words))
         self.slab.visible = self.label.visible = plane is not None
         nearest = pairs[0] or pairs[1]
         if plane is None or nearest is None:

@@ -75,8 +75,7 @@ class Player:
     def enable(self, on: bool) -> None:
         """Enable the controls, or disable them where there is nothing to play."""
         for control in (self.slider, self.button, self.speed):
-            if control.disabled == on:
-                control.disabled = not on
+            control.disabled = not on
 
     def draw(self) -> None:
         """Request a drawing of the slider's moment."""

@@ -47,8 +47,7 @@ class Rows:
         """Write the lines. By the worker's thread."""
         lines = "".join(self._line(shown) for shown in self._viewer.motions.shown)
         content = f'<div class="hd" style="padding:0 0.6em">{lines}</div>' if lines else ""
-        if self._html.content != content:
-            self._html.content = content
+        self._html.content = content
 
     def _line(self, shown: Shown) -> str:
         document, motion, number = self._viewer.document, shown.motion, shown.number

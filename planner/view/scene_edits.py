@@ -18,7 +18,7 @@ from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.view.drawing.motion import Tip
 from hdplan.planner.view.drawing.skins import obstacle_mesh
 from hdplan.planner.view.edited_scene import Edited
-from hdplan.planner.view.things import Thing, moved, obstacle_of
+from hdplan.planner.view.things import Thing, moved
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.lazy_imports import scipy
@@ -56,7 +56,7 @@ def added(edited: Edited, shape: Shape, stem: str, eye: Array | None = None) -> 
 
 def duplicated(edited: Edited, *names: str) -> tuple[Edited, tuple[Thing, ...]]:
     """The scene with second obstacles of the same shapes, clearances and motions, beside the first."""
-    return pasted(edited, [obstacle_of(edited, Thing("obstacle", name)) for name in names])
+    return pasted(edited, [edited.obstacle(name) for name in names])
 
 
 def pasted(edited: Edited, obstacles: Sequence[Obstacle]) -> tuple[Edited, tuple[Thing, ...]]:
@@ -102,13 +102,13 @@ def renamed(edited: Edited, name: str, new: str) -> Edited:
 def resized(edited: Edited, name: str, **sizes: object) -> Edited:
     """The scene with an obstacle of the same kind of shape but other `sizes`, the fields of its class [m]."""
     with naming(f"obstacle {name}"):
-        shape: Any = replace(obstacle_of(edited, Thing("obstacle", name)).shape, **sizes)  # type: ignore[arg-type]
+        shape: Any = replace(edited.obstacle(name).shape, **sizes)  # type: ignore[arg-type]
     return _with(edited, name, shape=shape)
 
 
 def placed(edited: Edited, name: str, position: tuple[float, float, float]) -> Edited:
     """The scene with an obstacle that is at `position` (world frame) [m] at 0 s, turned as before."""
-    obstacle = obstacle_of(edited, Thing("obstacle", name))
+    obstacle = edited.obstacle(name)
     with naming(f"obstacle {name}"):
         other = moved(obstacle, replace(obstacle.pose, position=position))
     return _exchanged(edited, name, other)
@@ -116,7 +116,7 @@ def placed(edited: Edited, name: str, position: tuple[float, float, float]) -> E
 
 def turned(edited: Edited, name: str, degrees: tuple[float, float, float]) -> Edited:
     """The scene with an obstacle turned by roll, pitch and yaw [°], about the world's axes in this order, at 0 s."""
-    obstacle = obstacle_of(edited, Thing("obstacle", name))
+    obstacle = edited.obstacle(name)
     with naming(f"obstacle {name}"):
         other = moved(obstacle, pose_turned(obstacle.pose, degrees))
     return _exchanged(edited, name, other)
@@ -124,7 +124,7 @@ def turned(edited: Edited, name: str, degrees: tuple[float, float, float]) -> Ed
 
 def oriented(edited: Edited, name: str, quaternion: Sequence[float]) -> Edited:
     """The scene with an obstacle turned as a quaternion x y z w says, which is normalized, at 0 s."""
-    obstacle = obstacle_of(edited, Thing("obstacle", name))
+    obstacle = edited.obstacle(name)
     with naming(f"obstacle {name}"):
         other = moved(obstacle, pose_oriented(obstacle.pose, quaternion))
     return _exchanged(edited, name, other)
@@ -165,7 +165,7 @@ def turn_of(pose: Pose) -> tuple[float, float, float]:
 def snapped(edited: Edited, *names: str) -> Edited:
     """The scene with obstacles at whole centimetres and turned by whole steps of SNAP_TURN."""
     for name in names:
-        obstacle = obstacle_of(edited, Thing("obstacle", name))
+        obstacle = edited.obstacle(name)
         edited = _exchanged(edited, name, moved(obstacle, pose_snapped(obstacle.pose)))
     return edited
 
@@ -185,7 +185,7 @@ def moving(edited: Edited, name: str, velocity: tuple[float, float, float], spin
 
 def passing(edited: Edited, name: str, seconds: float) -> Edited:
     """The scene with an obstacle that takes so long [s] from the first of its timed poses to the last."""
-    motion = obstacle_of(edited, Thing("obstacle", name)).motion
+    motion = edited.obstacle(name).motion
     if not isinstance(motion, TimedPoses):
         raise InputError(NO_TIMES.format(name=name))
     with naming(f"obstacle {name}"):
@@ -222,7 +222,7 @@ def free_name(edited: Edited, stem: str) -> str:
 
 def _with(edited: Edited, name: str, /, **fields: Any) -> Edited:
     with naming(f"obstacle {name}"):
-        other = replace(obstacle_of(edited, Thing("obstacle", name)), **fields)
+        other = replace(edited.obstacle(name), **fields)
     return _exchanged(edited, name, other)
 
 

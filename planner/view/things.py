@@ -17,7 +17,6 @@ from hdplan.planner.view.drawing.motion import Tip
 from hdplan.planner.view.drawing.reaching import follow_pose, follow_tip
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.ends import jogged, with_target
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
@@ -51,18 +50,10 @@ def things(edited: Edited) -> tuple[Thing, ...]:
     return (START, *goals, *(Thing("obstacle", obstacle.name) for obstacle in edited.scene.obstacles))
 
 
-def obstacle_of(edited: Edited, thing: Thing) -> Obstacle:
-    """Return the obstacle that is selected. Raises InputError if it is gone."""
-    for obstacle in edited.scene.obstacles:
-        if obstacle.name == thing.name:
-            return obstacle
-    raise InputError(f"{thing}: is no longer in the scene")
-
-
 def place_of(edited: Edited, thing: Thing, tip: Tip) -> Pose:
     """Return the point at which a thing is grasped (world frame): an obstacle that moves, where it is at 0 s."""
     if thing.kind == "obstacle":
-        return obstacle_of(edited, thing).pose
+        return edited.obstacle(thing.name).pose
     if thing.kind == "goal" and (pose := _pose(edited, thing)) is not None:
         return pose.pose
     place = tip.placement(edited.start if thing.kind == "start" else edited.goal)
@@ -73,7 +64,7 @@ def place_of(edited: Edited, thing: Thing, tip: Tip) -> Pose:
 def turns(edited: Edited, thing: Thing) -> bool:
     """True if turning a thing changes anything."""
     if thing.kind == "obstacle":
-        return not isinstance(obstacle_of(edited, thing).shape, Sphere)
+        return not isinstance(edited.obstacle(thing.name).shape, Sphere)
     pose = _pose(edited, thing) if thing.kind == "goal" else None
     return pose is None or pose.free_rotation != "all"
 
@@ -93,7 +84,7 @@ def dragged(
     if thing.kind == "obstacle":
         # From where they were at first: small steps, one after the other, would add up to other distances.
         first = {each.name: each.pose for each in begin.scene.obstacles}
-        way = pin.SE3(pose.matrix) * pin.SE3(first.get(thing.name, obstacle_of(edited, thing).pose).matrix).inverse()
+        way = pin.SE3(pose.matrix) * pin.SE3(first.get(thing.name, edited.obstacle(thing.name).pose).matrix).inverse()
         obstacles = [
             moved(each, pose)
             if each.name == thing.name

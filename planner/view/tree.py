@@ -18,6 +18,7 @@ import viser
 
 from hdplan.planner.view import groups, scene_edits
 from hdplan.planner.view.edit_steps import Editing
+from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.page_script import Message, Page, link, telling
 from hdplan.planner.view.things import Thing, things
 from hdplan.scenes.errors import InputError
@@ -30,9 +31,9 @@ if TYPE_CHECKING:
 class Tree:
     """The lines, and what is hidden and locked."""
 
-    def __init__(self, viewer: Viewer, page: Page, editing: Editing) -> None:
+    def __init__(self, viewer: Viewer, page: Page, editing: Editing, handles: Handles) -> None:
         """Build it in the container at hand."""
-        self._viewer, self._editing = viewer, editing
+        self._viewer, self._editing, self._handles = viewer, editing, handles
         self._html = viewer.server.gui.add_html("")
         self.hidden: set[str] = set()
         self._folded: set[str] = set()  # groups whose lines are not shown
@@ -88,8 +89,7 @@ class Tree:
         """Write the lines, and hide what is hidden."""
         viewer = self._viewer
         for node in viewer.stage.obstacles:
-            if node.frame.visible == (node.obstacle.name in self.hidden):
-                node.frame.visible = node.obstacle.name not in self.hidden
+            node.frame.visible = node.obstacle.name not in self.hidden
         lines: dict[str, list[str]] = {}  # by group; what is in none has a place of its own
         for thing in things(viewer.edited):
             group = groups.group_of(thing.name) if thing.kind == "obstacle" else ""
@@ -97,12 +97,10 @@ class Tree:
             if group not in self._folded:
                 mine.append(self._line(thing, group))
         content = f'<div class="hd">{"".join(itertools.chain(*lines.values()))}</div>'
-        if self._html.content != content:
-            self._html.content = content
+        self._html.content = content
 
     def _group_line(self, group: str) -> str:
-        edited, handles = self._viewer.edited, self._viewer.panel.handles
-        every = groups.members(edited, group)
+        every = groups.members(self._viewer.edited, group)
         hidden, locked = self.hidden.issuperset(every), self._viewer.document.locked.issuperset(every)
         named, folded = {"name": group}, group in self._folded
         links = (
@@ -113,10 +111,10 @@ class Tree:
             + link("✕", "delete group", "delete the whole group", **named)
         )
         text = f"<b>{html.escape(group)}</b> ({len(every)})"
-        return _row(text, links, telling("select group", **named), set(every) <= set(handles.obstacles))
+        return _row(text, links, telling("select group", **named), set(every) <= set(self._handles.obstacles))
 
     def _line(self, thing: Thing, group: str) -> str:
-        handles = self._viewer.panel.handles
+        handles = self._handles
         selected = thing == handles.selected or (thing.kind == "obstacle" and thing.name in handles.obstacles)
         named = {"kind": thing.kind, "name": thing.name}
         text, links = html.escape(thing.name or f"the {thing.kind}"), ""
@@ -162,17 +160,11 @@ class Tree:
         return lambda _, message: self._editing.do(lambda: job(message))
 
     def _select(self, thing: Thing, message: Message) -> None:
-        handles = self._viewer.panel.handles
-        if message.get("more") is True:
-            handles.select_also(thing)
-        else:
-            handles.select(thing)
+        (self._handles.select_also if message.get("more") is True else self._handles.select)(thing)
 
     def _select_group(self, names: Sequence[str], message: Message) -> None:
-        *others, last = (Thing("obstacle", name) for name in names)
-        more = message.get("more") is True
-        before = [Thing("obstacle", name) for name in self._viewer.panel.handles.obstacles if name not in names]
-        self._viewer.panel.handles.select(last, [*(before if more else ()), *others])
+        before = self._handles.obstacles if message.get("more") is True else ()
+        self._handles.select_all(names, [name for name in before if name not in names])
 
     def _turn(self, names: set[str]) -> Callable[[Thing, Message], None]:
         return lambda thing, _: names.symmetric_difference_update({thing.name} if thing.kind == "obstacle" else ())

@@ -93,7 +93,6 @@ class Viewer(Served):
         through = collision_skins(self.robot) or skins
         self.motion_nodes = MotionNodes(server, self.robot, through, self.document)
         self.panel: Panel = Panel(self, note)
-        server.on_client_disconnect(lambda client: self.panel.handles.left(client.client_id))
         self.worker.ask("begin", lambda: self._begin(motions))
         self.worker.settle()
 
@@ -189,11 +188,10 @@ class Viewer(Served):
     def motions_changed(self) -> None:
         """Draw all that does not follow from the time alone."""
         self.paint()
-        player = self.panel.player
         self._time()
-        self.panel.plot(player.timeline)
+        self.panel.plot()
         self._say()
-        player.draw()
+        self.panel.player.draw()
 
     def left(self) -> None:
         """Drop what is being planned from the active motion."""

@@ -14,9 +14,9 @@ import numpy as np
 
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.number_text import read_numbers
 from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.mjcf_words import TURNS
+from hdplan.scenes.robot_files.xml_text import finite_numbers
 
 Attributes = Mapping[str, str]
 
@@ -97,15 +97,7 @@ def between(own: Attributes, where: str) -> tuple[Pose, float]:
 
 def numbers(own: Attributes, key: str, where: str, default: str, count: int | None = None) -> tuple[float, ...]:
     """Return the numbers of an attribute: `count` of them, or one and more. Raises InputError for anything else."""
-    text = own.get(key, default)
-    try:
-        values = read_numbers(text.split())
-    except ValueError:
-        values = ()
-    if not values or not all(map(math.isfinite, values)) or (count is not None and len(values) != count):
-        expected = {None: "finite numbers", 1: "a finite number"}.get(count, f"{count} finite numbers")
-        raise InputError(f"{where}: {key} must be {expected}, found '{text}'")
-    return values
+    return finite_numbers(own.get(key, default), f"{where}: {key}", count)
 
 
 def vector(own: Attributes, key: str, where: str, default: str) -> Array:

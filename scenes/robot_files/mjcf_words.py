@@ -6,14 +6,10 @@ sphere, a `rnage` a joint without limits. The words are those of MuJoCo 3 and 4,
 
 from __future__ import annotations
 
-import math
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.number_text import read_numbers
-
-Element = ElementTree.Element
+from hdplan.scenes.robot_files.xml_text import Element, finite_numbers
 
 TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 PLACE = ("pos", *TURNS)
@@ -153,18 +149,10 @@ def check_attributes(element: Element, kind: str) -> None:
             similar = nearest(attribute, known, NONE_LIKE_IT)
             raise InputError(f"{called(element)}: attribute '{attribute}' is not known{similar}")
         value = element.attrib[attribute]
-        if attribute in NUMBERS and not _are_numbers(value):
-            raise InputError(f"{called(element)}: {attribute} must be finite numbers, found '{value}'")
+        if attribute in NUMBERS:
+            finite_numbers(value, f"{called(element)}: {attribute}")
         if attribute == "type" and value not in KINDS.get(kind, (value,)):
             raise InputError(f"{called(element)}: type '{value}' is not known{nearest(value, KINDS[kind])}")
-
-
-def _are_numbers(text: str) -> bool:
-    try:
-        values = read_numbers(text.split())
-    except ValueError:
-        return False
-    return bool(values) and all(map(math.isfinite, values))
 
 
 def called(element: Element) -> str:

@@ -14,9 +14,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.number_text import read_numbers
 from hdplan.scenes.poses import Pose, from_rpy
-from hdplan.scenes.robot_files.xml_text import DEEPEST_LEVEL
+from hdplan.scenes.robot_files.xml_text import DEEPEST_LEVEL, finite_numbers
 
 SIZES = {  # attributes of each shape with their number of values, all of which must be positive
     "box": {"size": 3},
@@ -196,13 +195,4 @@ def _numbers(
 ) -> tuple[float, ...]:
     if element is None:
         raise InputError(f"{where} is missing")
-    text = element.get(attribute, default)
-    try:
-        values = read_numbers(text.split())
-    except ValueError:
-        values = ()
-    if len(values) != count or not all(math.isfinite(value) and abs(value) <= largest for value in values):
-        number = "a finite number" if count == 1 else f"{count} finite numbers"
-        bound = f" of at most {largest:g} in size" if math.isfinite(largest) else ""
-        raise InputError(f"{where}: {attribute} must be {number}{bound}, found '{text}'")
-    return values
+    return finite_numbers(element.get(attribute, default), f"{where}: {attribute}", count, largest)

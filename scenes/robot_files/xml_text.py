@@ -6,11 +6,13 @@ attributes and texts that are not to be seen where they act, so it is refused.
 
 from __future__ import annotations
 
+import math
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection
 
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.number_text import read_numbers
 
 Element = ElementTree.Element
 
@@ -58,6 +60,20 @@ def stray_text(element: Element) -> str:
     alone."""
     texts = (element.text, *(child.tail for child in element))
     return next((found[:40] for text in texts if text and (found := text.strip())), "")
+
+
+def finite_numbers(text: str, where: str, count: int | None = None, largest: float = math.inf) -> tuple[float, ...]:
+    """Return the numbers of a text: `count` of them, or one and more. Raises InputError for anything else."""
+    try:
+        values = read_numbers(text.split())
+    except ValueError:
+        values = ()
+    finite = all(math.isfinite(value) and abs(value) <= largest for value in values)
+    if not values or not finite or (count is not None and len(values) != count):
+        expected = {None: "finite numbers", 1: "a finite number"}.get(count, f"{count} finite numbers")
+        bound = f" of at most {largest:g} in size" if math.isfinite(largest) else ""
+        raise InputError(f"{where} must be {expected}{bound}, found '{text}'")
+    return values
 
 
 def check_depth(root: Element) -> None:

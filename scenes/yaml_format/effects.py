@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TypeVar
 
-from hdplan.scenes.attached import Payload
 from hdplan.scenes.fields import Field
 from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import SelfCollision, SteadyMotion, TimedPoses
@@ -35,7 +34,8 @@ def read_motion(section: Field) -> SteadyMotion | TimedPoses:
 
 def sizes_of(kind: type[T], section: Field) -> T:
     """Read sizes of what is unknown, some of them."""
-    return section.make(kind, **_filled(section, tuple(each.name for each in fields(kind))))
+    _filled(section, tuple(each.name for each in fields(kind)))
+    return section.read(kind)
 
 
 def read_uncertainty(section: Field) -> Uncertainty:
@@ -61,39 +61,22 @@ def read_limits(section: Field) -> Limits:
     return section.make(Limits, **keys)
 
 
-def read_payload(section: Field) -> Payload:
-    """Read a payload: ``{link, mass, com, inertia}``."""
-    keys = section.mapping(("link", "mass", "com", "inertia"), required=["link", "mass"])
-    return section.make(Payload, **keys)
-
-
 def read_path(section: Field) -> PathConstraints:
     """Read path constraints: ``upright``, ``position``, ``relative`` and ``follow``."""
-    keys = _filled(section, ("upright", "position", "relative", "follow"))
-    return PathConstraints(
-        _upright(keys["upright"]) if "upright" in keys else None,
-        _within(keys["position"]) if "position" in keys else None,
-        _relative(keys["relative"]) if "relative" in keys else None,
-        _follow(keys["follow"]) if "follow" in keys else None,
+    _filled(section, tuple(each.name for each in fields(PathConstraints)))
+    return section.read(
+        PathConstraints,
+        upright=lambda each: each.read(Upright),
+        position=_within,
+        relative=lambda each: each.read(Relative, pose=read_pose),
+        follow=lambda each: each.read(Follow, poses=read_poses),
     )
-
-
-def _upright(section: Field) -> Upright:
-    keys = section.mapping(("link", "axis", "tolerance"), required=["link"])
-    return section.make(Upright, **keys)
 
 
 def _within(section: Field) -> Within:
     keys = section.mapping(("link", "size", "position", "rpy", "quaternion_xyzw", "point"), required=["link", "size"])
     values = {name: keys[name] for name in ("link", "size", "point") if name in keys}
     return section.make(Within, **values, pose=pose_of(section, keys))
-
-
-def _relative(section: Field) -> Relative:
-    allowed = ("link", "to", "pose", "position_tolerance", "orientation_tolerance")
-    keys = section.mapping(allowed, required=["link", "to"])
-    pose = {"pose": read_pose(keys["pose"])} if "pose" in keys else {}
-    return section.make(Relative, **{**keys, **pose})
 
 
 def read_timing(section: Field) -> Timing:
@@ -111,8 +94,3 @@ def _filled(section: Field, allowed: tuple[str, ...] | None = None) -> dict[str,
         expected = f"some of {', '.join(allowed)}" if allowed else "joints with their ranges"
         raise section.error(f"is empty: leave it out, or give {expected}")
     return keys
-
-
-def _follow(section: Field) -> Follow:
-    keys = section.mapping([each.name for each in fields(Follow)], required=["link", "poses"])
-    return section.make(Follow, **{**keys, "poses": read_poses(keys["poses"])})

@@ -90,30 +90,17 @@ def _poses(content: Field, keys: dict[str, Field]) -> tuple[Pose, ...]:
     return read_pose_table(keys["file"].path()) if "file" in keys else read_poses(keys["poses"])
 
 
-def stage_entry(
-    stage: Stage,
-    target: Callable[[Any], Any],
-    pose: Callable[[Pose], dict[str, Any]],
-    effects: Callable[[Any], dict[str, Any]],
-) -> dict[str, Any]:
-    """Return a stage as it is written; `target` writes a goal, `pose` a pose, `effects` the sections limits and path of
-    what has such fields."""
+def stage_entry(stage: Stage, target: Callable[[Any], Any], effects: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+    """Return a stage as it is written; `target` writes a goal, `effects` the sections limits and path."""
     match stage:
         case Move():
             content: Any = target(stage.goal)
         case Curve() | Grip() | Release():
-            kind = type(stage)
-            written = {key: getattr(stage, key) for key in OWN[kind]}
-            usual = {each.name: each.default for each in dataclasses.fields(kind) if each.name in DEFAULTS}
-            content = {
-                key: _plain(value)
-                for key, value in written.items()
-                if value is not None and value != {} and usual.get(key) != value
-            }
-            if isinstance(stage, Along):
-                content["poses"] = [pose(each) for each in stage.poses]
+            usual = {each.name: each.default for each in dataclasses.fields(stage) if each.name in DEFAULTS}
+            written = {key: getattr(stage, key) for key in OWN[type(stage)]}
+            content = {key: value for key, value in written.items() if value not in (None, {}, usual.get(key))}
         case Set():
-            content = dict(stage.outputs)
+            content = stage.outputs
         case Wait():
             content = stage.seconds
         case _:
@@ -122,7 +109,7 @@ def stage_entry(
     if stage.name is not None:
         entry["name"] = stage.name
     if stage.touch:
-        entry["touch"] = [list(pair) for pair in stage.touch]
+        entry["touch"] = stage.touch
     if stage.limits is not None:
         entry["limits"] = effects(stage.limits)
     if isinstance(stage, Move) and stage.path != PathConstraints():
@@ -132,9 +119,3 @@ def stage_entry(
     if isinstance(stage, ArmStage) and stage.blend:
         entry["blend"] = stage.blend
     return entry
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return list(value)
-    return dict(value) if hasattr(value, "items") else value

@@ -9,15 +9,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from hdplan.scenes.attached import Attached
+from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError, listed
 from hdplan.scenes.fields import Field, read_document
 from hdplan.scenes.files import leads_nowhere
-from hdplan.scenes.limits import Limits
 from hdplan.scenes.moveit.geometry_text import ENDING, read_geometry
 from hdplan.scenes.moveit.planning_scene import is_moveit_request, is_moveit_scene, read_moveit
-from hdplan.scenes.obstacles import Obstacle, SelfCollision, TimedPoses
-from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.obstacles import Obstacle, TimedPoses
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.pose_fields import read_pose
 from hdplan.scenes.poses import Pose
@@ -30,7 +28,6 @@ from hdplan.scenes.yaml_format.effects import (
     read_limits,
     read_motion,
     read_path,
-    read_payload,
     read_self_collision,
     read_timing,
     read_uncertainty,
@@ -38,28 +35,11 @@ from hdplan.scenes.yaml_format.effects import (
 )
 from hdplan.scenes.yaml_format.job import read_job
 from hdplan.scenes.yaml_format.seen import read_cloud, read_depth, read_octomap, read_voxels
-from hdplan.scenes.yaml_format.settings import read_settings
 from hdplan.scenes.yaml_format.shape_fields import read_shape
 from hdplan.scenes.yaml_format.targets import read_goal, read_target
 
 VERSION = 1
 SHOWN_SCENES = 12  # shipped scenes that an error names
-SECTIONS = (
-    "hdplan",
-    "robot",
-    "obstacles",
-    "attached",
-    "start",
-    "goal",
-    "from_request",
-    "self_collision",
-    "limits",
-    "payload",
-    "path",
-    "timing",
-    "planner",
-    "job",
-)
 SOLIDS: Mapping[str, Callable[[Field], object]] = MappingProxyType(
     {"shape": read_shape, "cloud": read_cloud, "depth": read_depth, "octomap": read_octomap, "voxels": read_voxels}
 )
@@ -183,50 +163,12 @@ def read_scene(top: Field, name: str) -> Scene:
     return derived(_read_hdplan(top, None), name=name)
 
 
-def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
-    keys = top.mapping(SECTIONS)
-    if "hdplan" not in keys:
-        raise top.error(f"is not a hdplan scene: the line 'hdplan: {VERSION}' is missing")
-    version = keys["hdplan"]
-    if not isinstance(version.value, int) or isinstance(version.value, bool) or version.value != VERSION:
-        raise version.wrong(f"{VERSION}, the version of the scene format that this hdplan reads")
-    top.mapping(SECTIONS, required=["start"] if "job" in keys else ["start", "goal"])
-    if "job" in keys and "goal" in keys:
-        raise keys["goal"].error("the stages of the job define the goals: leave it out")
-    written = _robot(keys["robot"]) if "robot" in keys else None  # read even if replaced: an error in it is an error
-    spec = robot or written
-    if spec is None:
-        raise top.error("the key 'robot' is missing; write the section, or name a robot with --robot")
-    scene = top.make(
-        Scene,
-        name=top.document.file.stem,
-        source=top.document.file,
-        robot=spec,
-        obstacles=_obstacles(keys["obstacles"]) if "obstacles" in keys else (),
-        attached=_attached(keys["attached"]) if "attached" in keys else (),
-        start=read_target(keys["start"]),
-        goal=read_goal(keys["goal"]) if "goal" in keys else None,
-        from_request=keys["from_request"].boolean() if "from_request" in keys else False,
-        planner=read_settings(keys["planner"]) if "planner" in keys else PlannerSettings(),
-        self_collision=read_self_collision(keys["self_collision"]) if "self_collision" in keys else SelfCollision(),
-        limits=read_limits(keys["limits"]) if "limits" in keys else Limits(),
-        payload=read_payload(keys["payload"]) if "payload" in keys else None,
-        path=read_path(keys["path"]) if "path" in keys else PathConstraints(),
-        timing=read_timing(keys["timing"]) if "timing" in keys else None,
-        job=read_job(keys["job"]) if "job" in keys else None,
-        notes=tuple(top.document.notes),
-    )
-    top.make(scene.check_effects)
-    return scene
-
-
 def _robot(section: Field) -> RobotSpec:
     keys = section.mapping(ROBOT_KEYS)
     base = read_pose(keys["base"]) if "base" in keys else Pose()
     values: dict[str, object] = {**keys, "base": base}
     if "base_joints" in keys:
-        base_joints = keys["base_joints"].mapping(("kind", "x", "y", "yaw"), required=["x", "y", "yaw"])
-        values["base_joints"] = keys["base_joints"].make(PlanarBase, **base_joints)
+        values["base_joints"] = keys["base_joints"].read(PlanarBase)
     if "tracking" in keys:
         values["tracking"] = sizes_of(Tracking, keys["tracking"])
     if "calibration" in keys:
@@ -267,3 +209,49 @@ def _attached(section: Field) -> tuple[Attached, ...]:
             values["pose"] = read_pose(keys["pose"])
         attached.append(entry.make(Attached, **values))
     return tuple(attached)
+
+
+READERS: Mapping[str, Callable[[Field], object]] = MappingProxyType(
+    {
+        "obstacles": _obstacles,
+        "attached": _attached,
+        "start": read_target,
+        "goal": read_goal,
+        "from_request": Field.boolean,
+        "self_collision": read_self_collision,
+        "limits": read_limits,
+        "payload": lambda section: section.read(Payload),
+        "path": read_path,
+        "timing": read_timing,
+        "planner": lambda section: section.read(PlannerSettings),
+        "job": read_job,
+    }
+)
+"""Sections that are fields of a scene."""
+SECTIONS = ("hdplan", "robot", *READERS)
+
+
+def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
+    keys = top.mapping(SECTIONS)
+    if "hdplan" not in keys:
+        raise top.error(f"is not a hdplan scene: the line 'hdplan: {VERSION}' is missing")
+    version = keys["hdplan"]
+    if not isinstance(version.value, int) or isinstance(version.value, bool) or version.value != VERSION:
+        raise version.wrong(f"{VERSION}, the version of the scene format that this hdplan reads")
+    top.mapping(SECTIONS, required=["start"] if "job" in keys else ["start", "goal"])
+    if "job" in keys and "goal" in keys:
+        raise keys["goal"].error("the stages of the job define the goals: leave it out")
+    written = _robot(keys["robot"]) if "robot" in keys else None  # read even if replaced: an error in it is an error
+    spec = robot or written
+    if spec is None:
+        raise top.error("the key 'robot' is missing; write the section, or name a robot with --robot")
+    scene = top.make(
+        Scene,
+        name=top.document.file.stem,
+        source=top.document.file,
+        robot=spec,
+        **{name: read(keys[name]) for name, read in READERS.items() if name in keys},
+        notes=tuple(top.document.notes),
+    )
+    top.make(scene.check_effects)
+    return scene

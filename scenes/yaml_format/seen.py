@@ -5,7 +5,6 @@ size: 0.02}``."""
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, assert_never
 
@@ -18,7 +17,6 @@ from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
 SETTINGS = ("radius", "voxel", "drop_nan", "ignore_robot")  # as the class has them
 CAMERA = ("intrinsics", "scale", "range")
-IGNORED = ("link", "obstacle", "margin")
 
 
 def read_cloud(section: Field) -> Cloud:
@@ -52,9 +50,7 @@ def _made(section: Field, keys: dict[str, Field], source: object) -> Cloud:
     if "ignore" in keys:
         several = isinstance(keys["ignore"].value, list)
         entries = keys["ignore"].items(of="links and obstacles") if several else [keys["ignore"]]
-        values["ignore"] = tuple(
-            entry.make(Ignored, **entry.mapping(IGNORED, required=["margin"])) for entry in entries
-        )
+        values["ignore"] = tuple(entry.read(Ignored) for entry in entries)
     cloud: Cloud = section.make(Cloud, **values)
     return cloud
 
@@ -84,43 +80,30 @@ def _bytes_in(field: Field) -> bytes:
         raise field.wrong("a text in base64") from None
 
 
-def seen_entry(shape: Seen, write_path: Callable[[Path], str]) -> dict[str, Any]:
+def seen_entry(shape: Seen) -> dict[str, Any]:
     """Return the key and the section that are read back."""
     match shape:
         case Cloud():
-            return _cloud_entry(shape, write_path)
+            return _cloud_entry(shape)
         case OctoMap(source, unknown):
-            named = (
-                {"content": base64.b64encode(source).decode()}
-                if isinstance(source, bytes)
-                else {"file": write_path(source)}
-            )
-            return {"octomap": {**named, "unknown": unknown}}
+            content = {"content": base64.b64encode(source).decode()} if isinstance(source, bytes) else {"file": source}
+            return {"octomap": {**content, "unknown": unknown}}
         case Voxels(grid, size, origin):
-            where: dict[str, Any] = (
-                {"file": write_path(grid)} if isinstance(grid, Path) else {"occupied": grid.array.astype(int).tolist()}
-            )
-            return {"voxels": {**where, "size": size, "origin": list(origin)}}
+            cells = {"file": grid} if isinstance(grid, Path) else {"occupied": grid.array.astype(int).tolist()}
+            return {"voxels": {**cells, "size": size, "origin": origin}}
         case _:
             assert_never(shape)
 
 
-def _cloud_entry(cloud: Cloud, write_path: Callable[[Path], str]) -> dict[str, Any]:
+def _cloud_entry(cloud: Cloud) -> dict[str, Any]:
     depth = cloud.points if isinstance(cloud.points, DepthImage) else None
     source = depth.image if depth else cloud.points
     assert isinstance(source, Path | FixedArray)
-    entry: dict[str, Any] = (
-        {"file": write_path(source)}
-        if isinstance(source, Path)
-        else {"image" if depth else "points": source.array.tolist()}
-    )
+    here = "image" if depth else "points"
+    entry: dict[str, Any] = {"file": source} if isinstance(source, Path) else {here: source.array.tolist()}
     if depth:
-        entry |= {"intrinsics": list(depth.intrinsics), "scale": depth.scale, "range": list(depth.range)}
-    entry |= {key: value for key in SETTINGS if (value := getattr(cloud, key))}
+        entry |= {key: getattr(depth, key) for key in CAMERA}
+    entry |= {key: value for key in (*SETTINGS, "ignore") if (value := getattr(cloud, key))}
     if isinstance(cloud.radius, FixedArray):
         entry["radius"] = cloud.radius.array.tolist()
-    if cloud.ignore:
-        entry["ignore"] = [
-            {key: value for key in IGNORED if (value := getattr(each, key)) is not None} for each in cloud.ignore
-        ]
     return {"depth" if depth else "cloud": entry}

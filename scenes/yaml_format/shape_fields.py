@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, get_args
 
@@ -43,17 +42,10 @@ def read_shape(section: Field) -> Shape:
     return shape
 
 
-def shape_entry(shape: Shape, write_path: Any) -> dict[str, Any]:
-    """Return the entry that `read_shape` reads back; `write_path` turns a path into text."""
+def shape_entry(shape: Shape) -> dict[str, Any]:
+    """Return the entry that `read_shape` reads back."""
     shape = shape.requested
     entry: dict[str, Any] = {"type": type(shape).__name__.lower()}
     if CLASSES.get(entry["type"]) is not type(shape):
         raise TypeError(f"no file holds a {type(shape).__name__}")
-    for key in _keys(shape):
-        value = getattr(shape, key.name)
-        entry[key.name] = write_path(value) if isinstance(value, Path) else _plain(value)
-    return entry
-
-
-def _plain(value: Any) -> Any:
-    return [_plain(each) for each in value] if isinstance(value, tuple) else value
+    return entry | {key.name: getattr(shape, key.name) for key in _keys(shape)}

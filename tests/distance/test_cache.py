@@ -37,7 +37,7 @@ def test_the_folder_is_the_users_alone(home: Path) -> None:
 def test_a_cache_that_others_can_write_is_not_used(home: Path, open_one: str, mode: int) -> None:
     (home / "kind").mkdir(parents=True)
     text = json.dumps("planted")
-    (home / "kind" / "key.json").write_text(f"{cache.content_key(text)}\n{text}")
+    (home / "kind" / "key.json").write_text(f"{cache.content_key('kind', 'key', text)}\n{text}")
     (home if open_one == "home" else home.parent).chmod(mode)
     with pytest.warns(
         UserWarning, match=rf"is not used \(.*{open_one} can be written by others\), so expensive results"

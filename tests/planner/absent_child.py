@@ -43,10 +43,10 @@ def planned(name: str) -> dict[str, Any]:
         if not str(error).startswith("absent: "):
             raise
         return {"status": "cannot import"}
-    functions = [problem.kinematics.state]
-    for term in problem.terms:
-        kernels = getattr(getattr(term, "distance", None), "kernels", {})
-        functions += [kernels[count].function.expand() for count in sorted(kernels)]
+    functions = [
+        problem.kinematics.state,
+        *(each.expand() for term in problem.terms for each in term.functions.values()),
+    ]
     return {
         "status": result.certificate.status.value,
         "terms": [term.name for term in problem.terms],

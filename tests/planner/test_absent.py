@@ -37,11 +37,7 @@ EFFECTS = {
     "torques and loads": (
         [
             *("planner.kinematics.inverse_dynamics", "planner.robot.loads", "planner.problem.gravity_torque"),
-            *(
-                "planner.certificate.torque_check",
-                "planner.certificate.torque_bounds",
-                "planner.timing.torque_limit",
-            ),
+            *("planner.certificate.torque_check", "planner.certificate.torque_bounds", "planner.timing.torque_limit"),
         ],
         "ur5_payload",
     ),
@@ -91,7 +87,7 @@ def test_scenes_without_an_effect_are_those_of_a_build_without_it() -> None:
 
 
 def test_a_module_that_does_not_exist_cannot_be_blocked() -> None:
-    """It would be absent anyway, and the test would say nothing."""
+    """Absent anyway, it would make the test say nothing."""
     done = subprocess.run(
         [sys.executable, str(CHILD)], input='[[["planner.no_such"], []]]', capture_output=True, text=True
     )
@@ -127,8 +123,8 @@ def sizes(problem: Problem) -> dict[str, tuple[int, ...]]:
     found: dict[str, tuple[int, ...]] = {"kinematics": counts(problem.kinematics.state)}
     for term in problem.terms:
         found[term.name] = (len(term.pairs),) if hasattr(term, "pairs") else ()
-        for kernel in getattr(getattr(term, "distance", None), "kernels", {}).values():
-            found[term.name] += counts(kernel.function)
+        for function in term.functions.values():
+            found[term.name] += counts(function)
     return found
 
 
@@ -166,7 +162,7 @@ def without(scene: Scene, section: str) -> Scene:
     ],
 )
 def test_without_its_section_an_effects_terms_are_not_there(scene: str, section: str, terms: set[str]) -> None:
-    """And the others are as large as before, pairs, instructions and nodes."""
+    """The others are as large as before, pairs, instructions and nodes."""
     problem = build(load_scene(scene))
     whole, less = sizes(problem), sizes(build(without(problem.scene, section)))
     assert whole.keys() - less.keys() == terms

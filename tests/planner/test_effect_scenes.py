@@ -56,12 +56,7 @@ NEEDED: list[tuple[str, Change, Status, str]] = [
     ("panda_vase", no_own_clearance, Status.TOO_CLOSE, "vase come within "),
     ("panda_fold", no_self_collision, Status.IN_CONTACT, "panda_link0 and "),
     ("panda_cable", no_ranges, Status.OUTSIDE_LIMITS, "joint 'panda_joint4' at -2.6"),
-    (
-        "baxter_bimanual_carry",
-        no_path,
-        Status.OFF_PATH,
-        "orientation_tolerance: right_gripper is turned by 0.3",
-    ),
+    ("baxter_bimanual_carry", no_path, Status.OFF_PATH, "orientation_tolerance: right_gripper is turned by 0.3"),
     ("panda_person", all_known, Status.TOO_CLOSE, "and crate are "),
     ("ur5_ceiling", no_base, Status.IN_CONTACT, "divider overlap by "),
 ]

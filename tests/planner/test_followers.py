@@ -103,7 +103,7 @@ def test_a_robot_without_followers_is_its_own_unfolded_one() -> None:
 
 
 def test_distances_and_verdicts_are_those_of_the_arm_moved_by_hand(tmp_path: Path) -> None:
-    """At configurations and along curves of every degree; where only a follower collides, too."""
+    """Single configurations and curves of every degree; a collision of a follower alone, too."""
     rng = np.random.default_rng(1)
     ours, other = (Certifier(Setup.of(scene_of(tmp_path, follow))) for follow in (True, False))
     free, seen = other.robot, set()
@@ -133,7 +133,7 @@ def test_distances_and_verdicts_are_those_of_the_arm_moved_by_hand(tmp_path: Pat
 
 
 def tip(robot: Robot, q: ArrayLike) -> list[float]:
-    """Where the far end of the rod is at a configuration."""
+    """The far end of the rod at a configuration."""
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
     return list(data.oMf[robot.model.getFrameId("bar")].act(np.array([-0.48, 0.0, 0.0])).tolist())
@@ -161,7 +161,7 @@ SETTINGS: list[dict[str, Any]] = [
 
 @pytest.mark.parametrize("sections", SETTINGS, ids=["default", "swept", "fcl", "path"])
 def test_gradients_are_those_of_differences_and_of_the_arm_moved_by_hand(tmp_path: Path, sections: Any) -> None:
-    """And of the CasADi program, and second derivatives too."""
+    """The CasADi program has the same, and second derivatives are compared, too."""
     moving = {**OBSTACLES[1], "name": "cart", "motion": {"velocity": [0.2, 0.0, 0.1]}} if "path" in sections else None
     sections = {**sections, "obstacles": [*OBSTACLES, moving] if moving else OBSTACLES}
     planner = {"waypoints": 6, "activation": 0.3, **sections.pop("planner", {})}
@@ -198,7 +198,7 @@ def assert_differences(problem: Problem, q: Array) -> None:
 
 
 def test_a_pose_of_a_link_that_followers_carry_is_reached(tmp_path: Path) -> None:
-    """By every configuration returned; the numbers of followers do not matter."""
+    """Every configuration returned does; the numbers of followers do not matter."""
     scene = scene_of(tmp_path)
     robot = load_robot(scene.robot)
     for link in ("hand", "sled", "bar"):
@@ -238,7 +238,7 @@ def test_rates_of_followers_are_kept(tmp_path: Path) -> None:
             most({**limits, "acceleration": 9.0})
 
 
-def test_what_is_not_known_of_torques_is_refused(tmp_path: Path) -> None:
+def test_torques_of_a_linkage_are_refused(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, limits={"acceleration": 1.0}, planner={"objective": "energy"})
     with pytest.raises(InputError, match=r"planner\.objective: 'energy'.*torques are not known where 'cylinder'"):
         hdplan.plan(scene)

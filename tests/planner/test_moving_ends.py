@@ -94,7 +94,7 @@ def test_at_velocity_zero_the_plan_is_that_from_rest_to_the_byte() -> None:
 
 
 def test_an_end_may_be_at_a_limit_and_the_other_at_a_velocity_of_zero() -> None:
-    """What is given to the last bit of a limit is within it; an end at rest needs no braking."""
+    """A rate to the last bit of a limit is within it; an end at rest needs no braking."""
     rest = scene_of("ur5")
     most = Setup.of(rest).limits
     ends = (most["velocity"] * [1, 0, 0, -1, 0, 0], None), (np.zeros(6), most["acceleration"] * [1, 0, 0, 0, -1, 0])
@@ -105,7 +105,7 @@ def test_an_end_may_be_at_a_limit_and_the_other_at_a_velocity_of_zero() -> None:
 
 
 def test_braking_beyond_a_joints_range_is_refused() -> None:
-    """At 1 rad/s and 5 rad/s², with any jerk, a joint goes 0.1 rad and more."""
+    """A joint at 1 rad/s goes 0.1 rad and more at 5 rad/s², with any jerk."""
     for name in ("panda", "ur5"):
         rest = scene_of(name)
         robot = load_scene_robot(rest)

@@ -65,7 +65,7 @@ def planar(*obstacles: Obstacle, **planner: float) -> Scene:
 
 
 def assert_sound(result: PlanResult, scene: Scene) -> None:
-    """What holds for every result, found or not: its shape, its ends, and a certificate that stands alone."""
+    """The laws of every result, found or not: its shape, its ends, and a certificate that stands alone."""
     positions = result.trajectory.positions
     rows = len(result.trajectory) if scene.timed else scene.planner.waypoints  # in time there are more
     assert positions.shape == (rows, len(result.trajectory.joint_names))
@@ -173,7 +173,7 @@ def test_no_time_gives_the_straight_line_with_its_verdict() -> None:
     np.testing.assert_allclose(result.trajectory.positions, np.linspace(START, GOAL, scene.planner.waypoints))
 
 
-def test_what_has_no_solution_ends_with_the_time_and_the_best_attempt() -> None:
+def test_a_problem_without_a_solution_ends_with_the_time_and_the_best_attempt() -> None:
     """Walls along x, ahead and behind: nearer to the shoulder than the elbow is, so it can be folded past neither."""
     walls = [
         Obstacle(name, Box((3.0, 0.02, 1.0)), Pose((x, 0.0, 0.1))) for name, x in (("wall", 1.85), ("back", -1.85))
@@ -320,7 +320,7 @@ def test_an_interrupt_within_the_first_certificate_does_not_lose_the_motion(monk
 
 
 def test_the_straight_line_is_taken_where_the_solver_leaves_it_for_worse() -> None:
-    """As a solver does where outer bodies overlap at an end, though the links are free: it is not believed either."""
+    """Solvers do so where outer bodies overlap at an end, though the links are free: it is not believed either."""
     scene = planar(Obstacle("pea", Sphere(0.05), Pose((0.0, -0.9, 0.1))), polish=0)
     robot, rounds = load_scene_robot(scene), []
 

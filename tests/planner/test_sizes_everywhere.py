@@ -121,7 +121,7 @@ def test_a_plan_that_fails_names_the_size_that_is_too_large() -> None:
     with pytest.raises(UnsolvableError) as error:
         hdplan.plan(unsure)
     found = diagnose(unsure, error.value)
-    assert "50% of what is unknown (obstacles[].uncertainty, robot.tracking, robot.calibration)" in found.advice
+    assert "50% of the uncertainty (obstacles[].uncertainty, robot.tracking, robot.calibration)" in found.advice
 
 
 def test_the_viewer_keeps_sizes() -> None:

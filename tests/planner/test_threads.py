@@ -63,7 +63,7 @@ def motions(name: str, count: int = 4) -> list[Trajectory]:
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", CHECKED)
 def test_motions_are_certified_as_alone(name: str) -> None:
-    """From one certifier that all share, and from one of each thread's own."""
+    """One certifier is shared by all, and each thread has one of its own."""
     scene, given = load_scene(name), motions(name, 2 if name == "panda_conveyor" else 4)
     shared = Certifier(Setup.of(scene))
     alone = [figures(shared.certify(motion)) for motion in given]
@@ -125,7 +125,7 @@ def assert_same(step: Step, other: Step) -> None:
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("distance", ["hdsdf", "euclidean", "hdsdf-boxes", "gdf"])
 def test_steps_are_as_alone(distance: str) -> None:
-    """Of one controller that all share, and of each thread's own."""
+    """One controller is shared by all, and each thread has one of its own."""
     scene = load_scene("panda_corridor")  # of boxes, which all distances know
     robot = load_scene_robot(scene)
     normals = "paper" if distance == "hdsdf-boxes" else "box"
@@ -180,7 +180,7 @@ def test_many_plans_are_as_alone() -> None:
 
 @pytest.fixture
 def nothing_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As in a fresh process: no robot is loaded yet."""
+    """No robot is loaded yet, as in a fresh process."""
     monkeypatch.setattr(scene_robot, "_kept", OrderedDict())
 
 

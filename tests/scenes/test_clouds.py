@@ -138,7 +138,7 @@ def test_a_file_is_refused_in_one_clear_line(tmp_path: Path, entry: str, words: 
     assert "scene.yaml" in str(caught.value)
 
 
-def test_what_is_ignored_is_read(tmp_path: Path) -> None:
+def test_ignored_bodies_are_read(tmp_path: Path) -> None:
     cup = "{name: cup, shape: {type: sphere, radius: 0.1}}"
     ignored = "[{obstacle: cup, margin: 0.1}, {link: l, margin: 0}]"
     entry = f"{{name: view, cloud: {{file: scan.xyz, radius: 0.1, ignore: {ignored}}}}}"

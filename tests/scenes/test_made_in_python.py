@@ -39,7 +39,6 @@ WORDS: tuple[Any, ...] = ("x" * 100, "hdsd", 1, NAN, True, ["a"])
 NAMES: tuple[Any, ...] = ("", "  ", "a\nb", "\ud800", 1, NAN, True, ["a"], {"a": 1})
 BOX = {"type": "box", "size": [0.1, 0.1, 0.1]}
 BOX_MADE = Box((0.1, 0.1, 0.1))
-TIMED = {"timing": {"duration": 3.0}}
 POSE = {"link": "hand", "position": [0, 0, 0], "rpy": [0, 0, 0]}
 QUATERNIONS = ([0, 0.5, 0, 0.5], [0, 0, 0, 0], [0, 0, 0, 1.02], [0, 0, 1], [0, 0, 0, NAN], "abcd", 1.0)
 
@@ -52,189 +51,78 @@ def below(kind: type) -> set[str]:
 CHECKED = below(Checked)
 
 
-def field_of(section: str, key: str, others: dict[str, Any] | None = None, **more: Any) -> Callable[[Any], Any]:
-    """Give the function that writes a value as the key of a section."""
-    return lambda value: {section: {**(others or {}), key: value}, **more}
+def scene_with(path: str, value: Any, beside: dict[str, Any]) -> dict[str, Any]:
+    """A scene file's content with a value at a path, and other keys beside it."""
+    for step in reversed(path.split(".")):
+        name = step.removesuffix("[0]")
+        value, beside = {**beside, name: value if name == step else [value]}, {}
+    ends = {"start": {"state": "a"}, "goal": {"state": "a"}}
+    content = {"hdplan": 1, "robot": {}, **ends, "limits": {"torque": "urdf"}, "timing": {"duration": 3.0}, **value}
+    content["robot"] = {"name": "panda", **content["robot"]}
+    for section, needed in (("obstacles", {}), ("attached", {"link": "hand"})):
+        content[section] = [{"shape": BOX, **needed, **each} for each in content.get(section, ())]
+    return content
 
 
-def obstacle(**keys: Any) -> dict[str, Any]:
-    return {"obstacles": [{"name": "a", "shape": BOX, **keys}], **TIMED}
-
-
-def shape(kind: str, key: str, **others: Any) -> Callable[[Any], Any]:
-    return lambda value: obstacle(shape={"type": kind, **others, key: value})
-
-
-# what is written, the path of the field in the file, the same made in Python, hostile values
-CASES: dict[str, tuple[Callable[[Any], Any], str, Callable[[Any], Any], tuple[Any, ...]]] = {
-    "box": (shape("box", "size"), "obstacles[0].shape.size", Box, SIZES),
-    "sphere": (shape("sphere", "radius"), "obstacles[0].shape.radius", Sphere, LENGTHS),
-    "cylinder": (shape("cylinder", "radius", length=1), "obstacles[0].shape.radius", lambda v: Cylinder(v, 1), LENGTHS),
-    "cylinder's length": (
-        shape("cylinder", "length", radius=1),
-        "obstacles[0].shape.length",
-        lambda v: Cylinder(1, v),
-        LENGTHS,
-    ),
-    "capsule": (
-        shape("capsule", "length", radius=1),
-        "obstacles[0].shape.length",
-        lambda v: Capsule(1, v),
-        (*NUMBERS, -1),
-    ),
-    "points": (
-        shape("points", "points"),
-        "obstacles[0].shape.points",
-        Points,
-        ([], [[0, 0, 0]] * 5, [[0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]], [[NAN, 0, 0]], [[1, 2]], 1, "abc"),
-    ),
-    "position": (
-        lambda v: obstacle(pose={"position": v}),
-        "obstacles[0].pose.position",
-        lambda v: Pose(v),
-        VECTORS,
-    ),
-    "quaternion": (
-        lambda v: obstacle(pose={"quaternion_xyzw": v}),
-        "obstacles[0].pose.quaternion_xyzw",
-        lambda v: Pose(quaternion_xyzw=v),
-        QUATERNIONS,
-    ),
-    "name": (lambda v: obstacle(name=v), "obstacles[0].name", lambda v: Obstacle(v, BOX_MADE), NAMES),
-    "clearance": (
-        lambda v: obstacle(clearance=v),
-        "obstacles[0].clearance",
-        lambda v: Obstacle("a", BOX_MADE, clearance=v),
-        (*NUMBERS, -0.1, 1.1),
-    ),
-    "velocity": (
-        lambda v: obstacle(motion={"velocity": v}),
-        "obstacles[0].motion.velocity",
-        lambda v: SteadyMotion(velocity=v),
-        VECTORS,
-    ),
-    "times": (
-        lambda v: obstacle(motion={"times": v, "poses": [{}, {}]}),
-        "obstacles[0].motion.times",
-        lambda v: TimedPoses(v, (Pose(), Pose())),
-        ([1, 1], [2, 1], [1], [], [-1, 1], [0, NAN], [0, INF], "ab", 1),
-    ),
-    "held mass": (
-        lambda v: {"attached": [{"link": "hand", "shape": BOX, "mass": v}]},
-        "attached[0].mass",
-        lambda v: Attached("a", "hand", BOX_MADE, mass=v),
-        LENGTHS,
-    ),
-    "holding link": (
-        lambda v: {"attached": [{"link": v, "shape": BOX}]},
-        "attached[0].link",
-        lambda v: Attached("a", v, BOX_MADE),
-        NAMES,
-    ),
-    "start": (field_of("start", "state"), "start.state", lambda v: JointTarget("start", state=v), NAMES),
-    "configuration": (
-        field_of("start", "joints"),
-        "start.joints",
-        lambda v: JointTarget("start", positions=v),
-        ([NAN, 0], [0, INF], [1e7], ["a"], [True]),
-    ),
-    "tolerance": (
-        lambda v: {"goal": {"pose": {**POSE, "position_tolerance": v}}},
-        "goal.pose.position_tolerance",
-        lambda v: PoseTarget("hand", Pose(), position_tolerance=v),
-        (*LENGTHS, 1.5),
-    ),
-    "free rotation": (
-        lambda v: {"goal": {"pose": {**POSE, "free_rotation": v}}},
-        "goal.pose.free_rotation",
-        lambda v: PoseTarget("hand", Pose(), free_rotation=v),
-        WORDS,
-    ),
-    "self-collision": (
-        field_of("self_collision", "clearance"),
-        "self_collision.clearance",
-        lambda v: SelfCollision(clearance=v),
-        (*NUMBERS, -0.1, 1.1),
-    ),
-    "jerk": (
-        field_of("limits", "jerk"),
-        "limits.jerk",
-        lambda v: Limits(jerk=v),
-        (NAN, INF, 0, -1, 1e-300, "urdf", "a", "", True, [], {}, [1, NAN], [1, "a"], {"j": 0}, {"j": NAN}, {"j": "a"}),
-    ),
-    "range": (
-        lambda v: {"limits": {"position": {"j": v}}},
-        "limits.position.j",
-        lambda v: Limits(position={"j": v}),
-        ([1, 1], [1, 0], [0, NAN], [0], [0, 1, 2], "ab", 1),
-    ),
-    "payload": (
-        lambda v: {"payload": {"link": "hand", "mass": 1.0, "inertia": v}, "limits": {"torque": "urdf"}, **TIMED},
-        "payload.inertia",
-        lambda v: Payload("hand", 1.0, inertia=v),
-        ([1, 0, 0, 1, 0, 3], [1, 0, 0, 1, 0, -1], [1, 2], [NAN, 0, 0, 1, 0, 1], "abcdef"),
-    ),
-    "duration": (field_of("timing", "duration"), "timing.duration", lambda v: Timing(v), (*LENGTHS, 1e5)),
-    "rate": (
-        field_of("timing", "rate", {"duration": 1.0}),
-        "timing.rate",
-        lambda v: Timing(1.0, rate=v),
-        (*NUMBERS, 0, 0.5, 1e9),
-    ),
-    "upright": (
-        lambda v: {"path": {"upright": {"link": "hand", "axis": v}}},
-        "path.upright.axis",
-        lambda v: Upright("hand", v),
-        ("zz", [0, 0, 0], [1, 2], [NAN, 0, 1], 1, True),
-    ),
-    "within": (
-        lambda v: {"path": {"position": {"link": "hand", "size": v}}},
-        "path.position.size",
-        lambda v: Within("hand", v),
-        ([INF, INF, INF], [0, 1, 1], [-1, 1, 1], [NAN, 1, 1], [1, 1], "abc"),
-    ),
-    "locked": (
-        lambda v: {"robot": {"name": "panda", "locked": {"finger": v}}},
-        "robot.locked.finger",
-        lambda v: RobotSpec(name="panda", locked={"finger": v}),
-        NUMBERS,
-    ),
-    "ignored pairs": (
-        lambda v: {"robot": {"name": "panda", "ignore_pairs": [v]}},
-        "robot.ignore_pairs[0]",
-        lambda v: RobotSpec(name="panda", ignore_pairs=[v]),
-        (["a", "a"], ["a"], ["a", 1], ["a", ""], "ab", 1),
-    ),
-    **{
-        name: (
-            field_of("planner", name),
-            f"planner.{name}",
-            lambda v, name=name: PlannerSettings(**{name: v}),
-            bad,
-        )
-        for name, bad in {
-            "waypoints": (2, 1001, 10**9, 10.5, 10.0, NAN, True, "10", [10]),
-            "clearance": (*NUMBERS, -0.1, 1.1),
-            "activation": (*NUMBERS, -0.1, 1.1),
-            "gamma": (0, 33, 2.0, NAN, True, "2"),
-            "shaping_length": (*NUMBERS, 0, 1.1),
-            "distance": WORDS,
-            "link_bodies": WORDS,
-            "swept": (1, "true", NAN, [True]),
-            "normals": WORDS,
-        }.items()
-    },
-}
+UNIT = (*NUMBERS, -0.1, 1.1)
+POINTS = ([], [[0, 0, 0]] * 5, [[0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]], [[NAN, 0, 0]], [[1, 2]], 1, "abc")
+TIMES = ([1, 1], [2, 1], [1], [], [-1, 1], [0, NAN], [0, INF], "ab", 1)
+RATES = (NAN, INF, 0, -1, 1e-300, "urdf", "a", "", True, [], {}, [1, NAN], [1, "a"], {"j": 0}, {"j": NAN}, {"j": "a"})
+INERTIAS = ([1, 0, 0, 1, 0, 3], [1, 0, 0, 1, 0, -1], [1, 2], [NAN, 0, 0, 1, 0, 1], "abcdef")
+REGIONS = ([INF, INF, INF], [0, 1, 1], [-1, 1, 1], [NAN, 1, 1], [1, 1], "abc")
+PAIRS = (["a", "a"], ["a"], ["a", 1], ["a", ""], "ab", 1)
+COUNTS = (2, 1001, 10**9, 10.5, 10.0, NAN, True, "10", [10])
+Case = tuple[str, Callable[[Any], Any], tuple[Any, ...], dict[str, Any]]
+# the path of the field in the file, the same made in Python, hostile values, and the keys beside it
+CASES: list[Case] = [
+    ("obstacles[0].shape.size", Box, SIZES, {"type": "box"}),
+    ("obstacles[0].shape.radius", Sphere, LENGTHS, {"type": "sphere"}),
+    ("obstacles[0].shape.radius", lambda v: Cylinder(v, 1), LENGTHS, {"type": "cylinder", "length": 1}),
+    ("obstacles[0].shape.length", lambda v: Cylinder(1, v), LENGTHS, {"type": "cylinder", "radius": 1}),
+    ("obstacles[0].shape.length", lambda v: Capsule(1, v), (*NUMBERS, -1), {"type": "capsule", "radius": 1}),
+    ("obstacles[0].shape.points", Points, POINTS, {"type": "points"}),
+    ("obstacles[0].pose.position", Pose, VECTORS, {}),
+    ("obstacles[0].pose.quaternion_xyzw", lambda v: Pose(quaternion_xyzw=v), QUATERNIONS, {}),
+    ("obstacles[0].name", lambda v: Obstacle(v, BOX_MADE), NAMES, {}),
+    ("obstacles[0].clearance", lambda v: Obstacle("a", BOX_MADE, clearance=v), UNIT, {}),
+    ("obstacles[0].motion.velocity", lambda v: SteadyMotion(velocity=v), VECTORS, {}),
+    ("obstacles[0].motion.times", lambda v: TimedPoses(v, (Pose(), Pose())), TIMES, {"poses": [{}, {}]}),
+    ("attached[0].mass", lambda v: Attached("a", "hand", BOX_MADE, mass=v), LENGTHS, {}),
+    ("attached[0].link", lambda v: Attached("a", v, BOX_MADE), NAMES, {}),
+    ("start.state", lambda v: JointTarget("start", state=v), NAMES, {}),
+    ("start.joints", lambda v: JointTarget("start", positions=v), ([NAN, 0], [0, INF], [1e7], ["a"], [True]), {}),
+    ("goal.pose.position_tolerance", lambda v: PoseTarget("a", Pose(), position_tolerance=v), (*LENGTHS, 1.5), POSE),
+    ("goal.pose.free_rotation", lambda v: PoseTarget("a", Pose(), free_rotation=v), WORDS, POSE),
+    ("self_collision.clearance", lambda v: SelfCollision(clearance=v), UNIT, {}),
+    ("limits.jerk", lambda v: Limits(jerk=v), RATES, {}),
+    ("limits.position.j", lambda v: Limits(position={"j": v}), ([1, 1], [1, 0], [0, NAN], [0], [0, 1, 2], "ab", 1), {}),
+    ("payload.inertia", lambda v: Payload("hand", 1.0, inertia=v), INERTIAS, {"link": "hand", "mass": 1.0}),
+    ("timing.duration", Timing, (*LENGTHS, 1e5), {}),
+    ("timing.rate", lambda v: Timing(1.0, rate=v), (*NUMBERS, 0, 0.5, 1e9), {"duration": 1.0}),
+    ("path.upright.axis", lambda v: Upright("a", v), ("zz", [0, 0, 0], [1, 2], [NAN, 0, 1], 1, True), {"link": "a"}),
+    ("path.position.size", lambda v: Within("a", v), REGIONS, {"link": "a"}),
+    ("robot.locked.finger", lambda v: RobotSpec(name="panda", locked={"finger": v}), NUMBERS, {}),
+    ("robot.ignore_pairs[0]", lambda v: RobotSpec(name="panda", ignore_pairs=[v]), PAIRS, {}),
+    ("planner.waypoints", lambda v: PlannerSettings(waypoints=v), COUNTS, {}),
+    ("planner.clearance", lambda v: PlannerSettings(clearance=v), UNIT, {}),
+    ("planner.activation", lambda v: PlannerSettings(activation=v), UNIT, {}),
+    ("planner.gamma", lambda v: PlannerSettings(gamma=v), (0, 33, 2.0, NAN, True, "2"), {}),
+    ("planner.shaping_length", lambda v: PlannerSettings(shaping_length=v), (*NUMBERS, 0, 1.1), {}),
+    ("planner.distance", lambda v: PlannerSettings(distance=v), WORDS, {}),
+    ("planner.link_bodies", lambda v: PlannerSettings(link_bodies=v), WORDS, {}),
+    ("planner.swept", lambda v: PlannerSettings(swept=v), (1, "true", NAN, [True]), {}),
+    ("planner.normals", lambda v: PlannerSettings(normals=v), WORDS, {}),
+]
 HINTS = (", which YAML does not read as a number: write ", "; put it in quotes if it is a name")
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_file_and_program_are_refused_with_the_same_words(tmp_path: Path, case: str) -> None:
-    write, key, make, hostile = CASES[case]
+@pytest.mark.parametrize(("key", "make", "hostile", "beside"), CASES, ids=[key for key, *_ in CASES])
+def test_file_and_program_are_refused_with_the_same_words(
+    tmp_path: Path, key: str, make: Callable[[Any], Any], hostile: tuple[Any, ...], beside: dict[str, Any]
+) -> None:
     file = tmp_path / "scene.yaml"
     for value in hostile:
-        content = {"hdplan": 1, "robot": {"name": "panda"}, "start": {"state": "a"}, "goal": {"state": "a"}}
-        file.write_text(_yaml({**content, **write(value)}), encoding="utf-8")
+        file.write_text(_yaml(scene_with(key, value, beside)), encoding="utf-8")
         with pytest.raises(InputError) as by_file:
             load_scene(file)
         with pytest.raises(FieldError) as by_program:
@@ -269,7 +157,7 @@ def scene_of(**changes: Any) -> Scene:
 
 
 def test_the_short_forms_say_what_the_long_ones_say(tmp_path: Path) -> None:
-    """And what a file says: each is equal to the scene that is read back."""
+    """Each form is equal to the scene that is read back from its file."""
     joints, place = (0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785), Pose((0.5, 0.0, 0.2))
     names = tuple(f"panda_joint{i}" for i in range(1, 8))
     tool = PoseTarget("panda_hand_tcp", Pose.from_rpy((0.5, 0.1, 0.4), (0.0, 1.571, 0.0)), free_rotation="x")
@@ -286,10 +174,7 @@ def test_the_short_forms_say_what_the_long_ones_say(tmp_path: Path) -> None:
         (AllOf([tool, anyhow]), Goals((AllOf((tool, anyhow)),))),
         ([AllOf([tool, anyhow])], Goals((AllOf((tool, anyhow)),))),
         (many, Goals(tuple(JointTarget("goal", tuple(row)) for row in many.tolist()))),
-        (
-            [list(joints), zeros],
-            Goals((JointTarget("a", joints), JointTarget("b", by_name=zeros))),
-        ),
+        ([list(joints), zeros], Goals((JointTarget("a", joints), JointTarget("b", by_name=zeros)))),
     ):
         shapes = [Box([1, 1, 0.1], pose=[0, 0, -0.2]), Sphere(0.1, name="ball", pose=place), Obstacle("x", BOX_MADE)]
         obstacles = (
@@ -312,7 +197,7 @@ def test_saved_scenes_read_back_equal(tmp_path: Path, name: str) -> None:
     assert load_scene(file) == scene
 
 
-def test_what_no_file_may_say_is_not_saved(tmp_path: Path) -> None:
+def test_scenes_that_no_file_may_hold_are_not_saved(tmp_path: Path) -> None:
     for scene, words in (
         (scene_of(payload=Payload("panda_hand", 1.0)), "payload: only matters for joint torques"),
         (scene_of(timing=Timing()), "timing: makes the motion timed"),
@@ -348,7 +233,7 @@ def test_a_scene_is_shown_in_few_words() -> None:
     assert "RobotSpec(name='panda')" in repr(scene)
 
 
-def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
+def test_harmless_forms_become_those_of_the_reader() -> None:
     assert Box([1, np.float32(2), np.int64(3)]) == Box((1.0, 2.0, 3.0))
     assert Box(np.array([1.0, 2.0, 3.0])) == Box((1.0, 2.0, 3.0))
     assert all(type(x) is float for x in Box(np.array([1, 2, 3])).size)
@@ -371,6 +256,11 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
     assert moving.pose == Pose((1, 0, 0))
 
 
+HAND, OTHER = PoseTarget("hand", Pose()), PoseTarget("b", Pose())
+RESTING = TimedPoses((0, 1), (Pose(), Pose()))
+NAMED, CARRIED = Obstacle("a", BOX_MADE), Attached("a", "hand", BOX_MADE)
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -380,60 +270,42 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
         (lambda: scene_of(robot=7), "Scene.robot: must be the name of a robot, or a RobotSpec, found 7"),
         (lambda: scene_of(start=()), "Scene.start: must be a list of joint values, .* found a list of 0"),
         (lambda: scene_of(start={}), "Scene.start: must be a list of joint values, .* found a mapping"),
-        (lambda: scene_of(start=PoseTarget("hand", Pose())), "Scene.start: must be a list of joint values"),
+        (lambda: scene_of(start=HAND), "Scene.start: must be a list of joint values"),
         (lambda: scene_of(start=(0.0, NAN)), r"Scene.start\[1\]: must be a finite number \[rad or m\], found nan"),
         (lambda: scene_of(start={"j": "a"}), "Scene.start.j: must be a finite number"),
         (lambda: scene_of(goal=[[0.0], [NAN]]), r"Scene.goal\[1\]\[0\]: must be a finite number"),
-        (
-            lambda: scene_of(goal=np.empty((0, 7))),
-            "Scene.goal: must be a list .* a Pose, a PoseTarget, a list of these, or an AllOf",
-        ),
-        (lambda: scene_of(obstacles=Obstacle("a", BOX_MADE)), "Scene.obstacles: must be a list"),
+        (lambda: scene_of(goal=np.empty((0, 7))), "Scene.goal: .* a Pose, a PoseTarget, a list of these, or an AllOf"),
+        (lambda: scene_of(obstacles=NAMED), "Scene.obstacles: must be a list"),
         (lambda: scene_of(obstacles=[3]), r"Scene.obstacles\[0\]: must be an Obstacle, or one of the shapes Box, Sph"),
         (lambda: Obstacle("a", Box([1, 1, 1], name="b")), "Obstacle.shape.name: belongs to the obstacle"),
-        (
-            lambda: Attached("a", "b", Box([1, 1, 1], pose=[0, 0, 1])),
-            "Attached.shape.pose: belongs to the held object",
-        ),
+        (lambda: Attached("a", "b", Box([1, 1, 1], pose=[0, 0, 1])), "Attached.shape.pose: belongs to the held object"),
         (lambda: Box([1, 1, 1], pose=[0, 0]), "Box.pose: must be a Pose, or a position of three numbers"),
         (lambda: Box([1, 1, 1], pose=[0, 0, NAN]), r"Box.pose.position\[2\]: must be a finite number"),
         (lambda: PoseTarget("hand"), "PoseTarget.pose: must be a Pose, or .*, found nothing"),
-        (lambda: AllOf([PoseTarget("hand", Pose())]), "AllOf.poses: must be a list of two or more PoseTargets"),
-        (
-            lambda: AllOf([PoseTarget("hand", Pose()), PoseTarget("hand", Pose())]),
-            r"AllOf.poses\[1\]: the link 'hand' has a pose already",
-        ),
-        (
-            lambda: AllOf([PoseTarget("hand", Pose()), PoseTarget(pose=Pose())]),
-            r"AllOf.poses\[1\]: names no link",
-        ),
-        (
-            lambda: scene_of(goal=[AllOf([PoseTarget("a", Pose()), PoseTarget("b", Pose())]), [0.0] * 7]),
-            "Scene.goal.targets: must be one AllOf alone",
-        ),
+        (lambda: AllOf([HAND]), "AllOf.poses: must be a list of two or more PoseTargets"),
+        (lambda: AllOf([HAND, HAND]), r"AllOf.poses\[1\]: the link 'hand' has a pose already"),
+        (lambda: AllOf([HAND, PoseTarget(pose=Pose())]), r"AllOf.poses\[1\]: names no link"),
+        (lambda: scene_of(goal=[AllOf([HAND, OTHER]), [0.0] * 7]), "Scene.goal.targets: must be one AllOf alone"),
         (lambda: Relative("hand", "hand"), "Relative.to: must be another link than 'link', found 'hand' twice"),
         (lambda: PoseTarget("hand", [0, 1]), "PoseTarget.pose: must be a Pose, or a position of three numbers"),
         (lambda: Pose.from_rpy([0, 0, 0], [0, NAN, 0]), r"rpy\[1\]: must be a finite number \[rad\], found nan"),
-        (lambda: scene_of(obstacles=[Obstacle("a", BOX_MADE)] * 2), "'a' is taken by an earlier obstacle"),
+        (lambda: scene_of(obstacles=[NAMED] * 2), "'a' is taken by an earlier obstacle"),
         (
-            lambda: scene_of(obstacles=[Obstacle("a", BOX_MADE)], attached=[Attached("a", "hand", BOX_MADE)]),
-            r"Scene.attached\[0\]: the name 'a' is taken by an obstacle",
+            lambda: scene_of(obstacles=[NAMED], attached=[CARRIED]),
+            r"Scene.attached\[0\]: .*'a' is taken by an obstacle",
         ),
         (
-            lambda: scene_of(attached=[Attached("a", "hand", BOX_MADE), Attached("a", "wrist", BOX_MADE)]),
-            r"Scene.attached\[1\]: the name 'a' is taken by an earlier held object",
+            lambda: scene_of(attached=[CARRIED, CARRIED]),
+            r"Scene.attached\[1\]: .*'a' is taken by an earlier held object",
         ),
         (lambda: Obstacle("a", "box"), "Obstacle.shape: must be of the class Box or Sphere or"),
         (lambda: Obstacle("a", BOX_MADE, pose=np.eye(4)), r"Obstacle.pose: .* an array of shape \(4, 4\)"),
         (
-            lambda: Obstacle("a", BOX_MADE, Pose((1, 2, 3)), motion=TimedPoses((0, 1), (Pose(), Pose()))),
+            lambda: Obstacle("a", BOX_MADE, Pose((1, 2, 3)), motion=RESTING),
             "Obstacle.pose: is given twice: motion.poses",
         ),
         (lambda: TimedPoses((0, 1), (Pose(),)), "TimedPoses.poses: must be as many as the 2 times, found 1"),
-        (
-            lambda: JointTarget("start"),
-            "JointTarget: must have exactly one of positions, by_name and state, found none",
-        ),
+        (lambda: JointTarget("start"), "must have exactly one of positions, by_name and state, found none"),
         (lambda: JointTarget("start", (1.0,), {"a": 1.0}), "found positions and by_name"),
         (lambda: JointTarget("start", ()), "JointTarget.positions: must not be empty"),
         (lambda: Goals(()), "Goals.targets: must be a list of one or more"),
@@ -447,7 +319,7 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
         (lambda: Mesh(5), "Mesh.file: must be a path"),
     ],
 )
-def test_what_does_not_go_together_is_refused_by_name(make: Callable[[], Any], words: str) -> None:
+def test_contradictions_are_refused_by_name(make: Callable[[], Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         make()
 
@@ -458,10 +330,7 @@ def test_a_program_that_plans_is_refused_what_a_file_is(tmp_path: Path) -> None:
 
     moving = Obstacle("ball", Sphere(0.1), Pose((9, 9, 9)), motion=SteadyMotion((0.1, 0, 0)))
     for scene, words in (
-        (
-            scene_of(obstacles=(moving,)),
-            r"obstacles\[0\].motion: needs known times, but timing.duration is missing",
-        ),
+        (scene_of(obstacles=(moving,)), r"obstacles\[0\].motion: needs known times, but timing.duration is missing"),
         (scene_of(payload=Payload("panda_hand", 1.0)), "payload: only matters for joint torques"),
         (scene_of(timing=Timing()), "timing: makes the motion timed"),
         (scene_of(limits=Limits(velocity="urdf")), "limits.velocity: makes the motion timed"),
@@ -474,7 +343,7 @@ def test_a_program_that_plans_is_refused_what_a_file_is(tmp_path: Path) -> None:
             load_scene(file)
 
 
-def test_what_would_have_no_meaning_is_refused() -> None:
+def test_settings_without_meaning_are_refused() -> None:
     """A file cannot say it, so that it would be lost when the scene is saved."""
     with pytest.raises(InputError, match=r"orientation_tolerance: has no meaning with free_rotation: all"):
         PoseTarget("hand", Pose(), orientation_tolerance=0.5, free_rotation="all")

@@ -6,7 +6,7 @@ import pytest
 from hdplan.scenes.number_text import read_number, read_numbers, read_whole
 
 
-def test_what_is_printed_is_read_back_bit_for_bit() -> None:
+def test_printed_numbers_read_back_bit_for_bit() -> None:
     rng = np.random.default_rng(0)
     for value in rng.normal(size=200) * 10.0 ** rng.integers(-300, 300, size=200):
         assert read_number(repr(float(value))) == value
@@ -19,7 +19,7 @@ NONE = ["1_0", "١٢", "１", "inf", "nan", "0x10", "1e", ".", "", " 1", "1 ", "
 
 
 @pytest.mark.parametrize("word", NONE)
-def test_what_other_readers_do_not_read_is_refused(word: str) -> None:
+def test_words_that_other_readers_refuse_are_refused(word: str) -> None:
     with pytest.raises(ValueError, match="is not a number"):
         read_number(word)
     with pytest.raises(ValueError, match="is not a whole number"):

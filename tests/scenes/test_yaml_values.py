@@ -17,57 +17,12 @@ from hdplan.verify.text import yaml_of
 
 PLAIN = (
     *("0", "-1", "+1", "007", "0b11", "0x1F", "0o7", "1_000", "1:30", "-0", "123456789012345678901234567890"),
-    *(
-        "1.",
-        "-1.5",
-        "+.5",
-        ".5",
-        "1e-05",
-        "1.0e-5",
-        "1.0e+5",
-        "1.0E5",
-        "1_0.5",
-        "190:20:30.15",
-        "-.inf",
-        ".NaN",
-        "1.5.2",
-    ),
+    *("1.", "-1.5", "+.5", ".5", "1e-05", "1.0e-5", "1.0e+5", "1.0E5", "1_0.5", "190:20:30.15", "-.inf", ".NaN"),
     *("true", "True", "yes", "Off", "TRUE", "tRUE", "on", "null", "Null", "~", "", "nul", "=", "<<", "2026-11-22"),
-    *(
-        "2026-11-22 20:00:00",
-        "2026-99-99",
-        "name",
-        "a b",
-        "é",
-        "'1.5'",
-        '"true"',
-        '"\\u263a"',
-        "''",
-        "!!str 1",
-        "!!int '3'",
-    ),
-    *(
-        "!!float 1",
-        "!!int x",
-        "!what 1",
-        "! 1",
-        "&a 1",
-        "*a",
-        "!!binary aGk=",
-        "[1, 2.5, x]",
-        "{a: 1, b: 2}",
-        "{a: 1, a: 2}",
-    ),
-    *(
-        "{1: a, 1.0: b}",
-        "{1: a, 0x1: b}",
-        "{[1]: 2}",
-        "{<<: {a: 1}, b: 2}",
-        "!!set {a, b}",
-        "[&b x, *b]",
-        "&c [*c]",
-        "{? a}",
-    ),
+    *("1.5.2", "2026-11-22 20:00:00", "2026-99-99", "name", "a b", "é", "'1.5'", '"true"', '"\\u263a"', "''"),
+    *("!!str 1", "!!int '3'", "!!float 1", "!!int x", "!what 1", "! 1", "&a 1", "*a", "!!binary aGk=", "[1, 2.5, x]"),
+    *("{a: 1, b: 2}", "{a: 1, a: 2}", "{1: a, 1.0: b}", "{1: a, 0x1: b}", "{[1]: 2}", "{<<: {a: 1}, b: 2}"),
+    *("!!set {a, b}", "[&b x, *b]", "&c [*c]", "{? a}"),
 )
 
 
@@ -92,14 +47,8 @@ def in_pyyamls_words(text: str, monkeypatch: pytest.MonkeyPatch) -> object:
 
 @pytest.mark.parametrize("value", PLAIN)
 def test_every_word_means_what_it_means_in_pyyaml(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    for text in (
-        f"k: {value}",
-        f"k: [{value}]",
-        f"{value}: 1",
-        f"- {value}",
-        f"k: {value}\n---\nk: 1\n",
-        f"---\n{value}",
-    ):
+    forms = (f"k: {value}", f"k: [{value}]", f"{value}: 1", f"- {value}", f"k: {value}\n---\nk: 1\n", f"---\n{value}")
+    for text in forms:
         assert outcome(text) == in_pyyamls_words(text, monkeypatch), text
 
 
@@ -110,9 +59,8 @@ def test_random_documents_whole_and_damaged(monkeypatch: pytest.MonkeyPatch) -> 
         kind = rng.randrange(10 if depth else 8)
         match kind:
             case 0 | 1:
-                return rng.choice(
-                    [rng.gauss(0, 1), rng.gauss(0, 1) * 10.0 ** rng.randrange(-30, 30), float("inf"), -0.0]
-                )
+                large = rng.gauss(0, 1) * 10.0 ** rng.randrange(-30, 30)
+                return rng.choice([rng.gauss(0, 1), large, float("inf"), -0.0])
             case 2:
                 return rng.choice([rng.randrange(-99, 99), True, False, None, 2**70])
             case 3 | 4 | 5:
@@ -134,11 +82,8 @@ def test_random_documents_whole_and_damaged(monkeypatch: pytest.MonkeyPatch) -> 
         assert outcome(text) == in_pyyamls_words(text, monkeypatch) == repr(wanted)
         whole += yaml_values._built(text) is not yaml_values._MORE
         at = rng.randrange(len(text))
-        for damaged in (
-            text[:at],
-            text[:at] + rng.choice("[]{}:,'\"&*!-#\n\t ") + text[at:],
-            text[:at] + text[at + 1 :],
-        ):
+        inserted = rng.choice("[]{}:,'\"&*!-#\n\t ")
+        for damaged in (text[:at], text[:at] + inserted + text[at:], text[:at] + text[at + 1 :]):
             assert outcome(damaged) == in_pyyamls_words(damaged, monkeypatch), damaged
     assert whole > 150  # most need nothing of PyYAML
 
@@ -170,7 +115,7 @@ def test_the_line_that_ros_prints_after_a_message_begins_nothing(end: str) -> No
 
 
 def test_a_mapping_that_merges_and_is_merged_keeps_its_own_keys() -> None:
-    """Whether it stands before what it is merged into, or within."""
+    """A merge before the mapping, and one within."""
     a, b = {"x": 1, "y": 3}, {"x": 1, "y": 3, "z": 4}
     for text in (
         "a: &a {<<: {x: 1, y: 2}, y: 3}\nb: {<<: *a, z: 4}",
@@ -188,25 +133,9 @@ def test_a_mapping_that_merges_and_is_merged_keeps_its_own_keys() -> None:
 def test_yaml_that_readers_take_differently_is_refused_by_the_checker() -> None:
     """Nesting without end, what contains itself, other documents and tags."""
     for text in (
-        "a: " + "[" * 70 + "]" * 70,
-        "[" * 100_000,
-        "&x\na: *x",
-        "&x [*x]",
-        "a: *x",
-        "a: &x 1\nb: &x 2",
-        "a: 1\n---\nb: 2",
-        "!!set {a}",
-        "!!omap [a: 1]",
-        "a: 0x10",
-        "a: 1_0",
-        "a: 010",
-        "a: 1:30",
-        "a: .nan",
-        "a: !!python/none x",
-        "1: a",
-        "[a]: b",
-        "{<<: 1}",
-        "{<<: [1]}",
+        *("a: " + "[" * 70 + "]" * 70, "[" * 100_000, "&x\na: *x", "&x [*x]", "a: *x", "a: &x 1\nb: &x 2"),
+        *("a: 1\n---\nb: 2", "!!set {a}", "!!omap [a: 1]", "a: 0x10", "a: 1_0", "a: 010", "a: 1:30", "a: .nan"),
+        *("a: !!python/none x", "1: a", "[a]: b", "{<<: 1}", "{<<: [1]}"),
     ):
         with pytest.raises(RejectedError), rejecting():
             yaml_of(text.encode())

@@ -211,10 +211,7 @@ def _of_text(
 
 
 def _take(
-    words: list[str],
-    properties: Sequence[_Property],
-    found: dict[str, tuple[list[int], list[float]]],
-    numbers: Numbers,
+    words: list[str], properties: Sequence[_Property], found: dict[str, tuple[list[int], list[float]]], numbers: Numbers
 ) -> None:
     """Add a row's numbers to `found`. Raises ValueError and IndexError for words that are not those of a row."""
     begin = 0

@@ -16,15 +16,8 @@ from hdplan.scenes.number_text import read_numbers
 _ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEAD = 84  # [bytes]
 
-_FACET = (
-    ("facet normal", 3),
-    ("outer loop", 0),
-    ("vertex", 3),
-    ("vertex", 3),
-    ("vertex", 3),
-    ("endloop", 0),
-    ("endfacet", 0),
-)  # the lines of a triangle, and how many words follow
+# the lines of a triangle, and how many words follow
+_FACET = (("facet normal", 3), ("outer loop", 0), *[("vertex", 3)] * 3, ("endloop", 0), ("endfacet", 0))
 _KEYWORDS = {"facet", "normal", "outer", "loop", "vertex", "endloop", "endfacet", "endsolid"}
 _NOT_FINITE = re.compile(r"[-+]?(?:nan|inf)(?:inity)?(?:\([a-z0-9]*\))?|[-+]?1\.#[a-z0-9]+")
 

@@ -7,6 +7,7 @@ be seen through an obstacle that is not convex; a point inside such a box counts
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -116,15 +117,25 @@ def best_view(whole: Array, interest: Array, path: Array, boxes: Boxes, aspect: 
     its height."""
     framed = np.concatenate([whole, path])
     best, least = view_from(*USUAL, framed, aspect), np.inf
-    for azimuth in AZIMUTHS:
-        for elevation in ELEVATIONS:
-            view = view_from(azimuth, elevation, framed, aspect)
-            hidden = float(boxes.hide(view.eye, interest).any(axis=1).mean())
-            unusual = 0.5 - 0.5 * np.cos(azimuth - USUAL[0]) + abs(elevation - USUAL[1])
-            cost = hidden + FORESHORTENED * _foreshortening(view, path) + UNUSUAL * unusual
-            if cost < least:
-                best, least = view, cost
+    for azimuth, elevation in DIRECTIONS:
+        cost = _unusual(azimuth, elevation)
+        if cost >= least:
+            break  # all that follow are less usual still
+        view = view_from(azimuth, elevation, framed, aspect)
+        cost += FORESHORTENED * _foreshortening(view, path)
+        if cost < least:  # what is hidden takes longest to be found
+            cost += float(boxes.hide(view.eye, interest).any(axis=1).mean())
+        if cost < least:
+            best, least = view, cost
     return best
+
+
+def _unusual(azimuth: float, elevation: float) -> float:
+    """Return the cost of a direction [rad] that is not the usual one."""
+    return UNUSUAL * float(0.5 - 0.5 * np.cos(azimuth - USUAL[0]) + abs(elevation - USUAL[1]))
+
+
+DIRECTIONS = sorted(itertools.product(AZIMUTHS.tolist(), ELEVATIONS.tolist()), key=lambda each: _unusual(*each))
 
 
 def view_from(azimuth: float, elevation: float, points: Array, aspect: float) -> View:

@@ -13,7 +13,8 @@ import pinocchio as pin
 import viser
 from numpy.typing import NDArray
 
-from hdplan.planner.geometry.clouds import balls_in, boxes_mesh
+from hdplan.planner.geometry.clouds import balls_in
+from hdplan.planner.geometry.drawn_shapes import boxes_mesh
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import clearance_colors, height_colors
@@ -66,8 +67,7 @@ class CloudNode(ObstacleNode):
     def fade(self, faded: bool) -> None:
         """Let it be seen through, as it stands between the eye and the robot, or be solid again."""
         size = self._size * (SMALLER if faded else 1.0)
-        if self.points.point_size != size:
-            self.points.point_size = size
+        self.points.point_size = size
 
     @property
     def opacity(self) -> float:

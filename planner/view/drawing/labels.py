@@ -65,8 +65,7 @@ class Label:
 
     @text.setter
     def text(self, text: str) -> None:
-        if self._node.text != text:
-            self._node.text = text
+        self._node.text = text
 
     @property
     def visible(self) -> bool:
@@ -75,8 +74,7 @@ class Label:
 
     @visible.setter
     def visible(self, visible: bool) -> None:
-        if self._node.visible != visible:
-            self._node.visible = visible
+        self._node.visible = visible
 
     @property
     def place(self) -> Array:

@@ -13,17 +13,20 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.limit_checks import limit_checks
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.clearances import exact
-from hdplan.planner.pictures.quantities import rates
+from hdplan.planner.pictures.quantities import Rate, rates
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
 
 SAMPLES = 101  # at least, over the whole motion; of up to twice as many waypoints each is among them
+POSTURES = 7  # of the robot along a motion, for a camera
 TIP = 0.01  # [m] depth of the part of the last link whose middle is its tip
 
 
@@ -83,7 +86,7 @@ class ShownMotion:
             places, between_links = exact(certifier, joints, curve.time_of(parameter))
             to_obstacles = np.array([place.distance for place in places]) if places else nothing
             between_links = between_links if len(between_links) else nothing
-            shares: tuple[Share, ...] | None = tuple(shares_of(trajectory, certifier))
+            shares: tuple[Share, ...] | None = tuple(shares_of(trajectory, certifier.setup))
         else:
             to_obstacles = between_links = np.full(len(parameter), np.nan)
             shares = None
@@ -133,6 +136,11 @@ class Tip:
         return points
 
 
+def few_of(joints: Array) -> Array:
+    """Return configurations (POSTURES, n) at equal steps along those of a motion (K, n)."""
+    return np.asarray(joints[np.linspace(0, len(joints) - 1, POSTURES).astype(int)])
+
+
 def millimetres(distance: float) -> str:
     """Return a distance in words."""
     return f"{distance * 1e3:.1f} mm" if distance >= 0.0 else f"{-distance * 1e3:.1f} mm deep"
@@ -144,14 +152,22 @@ def shortened(text: str, most: int = 80) -> str:
     return text if len(text) <= most else f"{text[:side]}…{text[-side:]}"
 
 
-def shares_of(trajectory: Trajectory, certifier: Certifier) -> Iterator[Share]:
+def rates_of(trajectory: Trajectory, setup: Setup) -> tuple[Rate, ...]:
+    """Return the rates of a trajectory, with their limits in a scene; none for a path without times."""
+    return rates(trajectory.of_joints(setup.robot.joint_names, setup.robot.locked), tuple(limit_checks(setup)))
+
+
+def moments_of(rate: Rate) -> Array:
+    """Return the moment of each value of a rate (k,) [s]: the middle of the time over which it holds, if it does."""
+    between = len(rate.times) > len(rate.values)  # each value holds from one time to the next
+    return 0.5 * (rate.times[1:] + rate.times[:-1]) if between else rate.times
+
+
+def shares_of(trajectory: Trajectory, setup: Setup) -> Iterator[Share]:
     """Yield the shares of the scene's limits that a trajectory takes; none for a path without times."""
-    ordered = trajectory.of_joints(certifier.robot.joint_names, certifier.robot.locked)
-    for rate in rates(ordered, certifier.limits):
+    for rate in rates_of(trajectory, setup):
         if rate.limits is not None and len(rate.values):
-            between = len(rate.times) > len(rate.values)  # each value holds from one time to the next
-            times = 0.5 * (rate.times[1:] + rate.times[:-1]) if between else rate.times
-            yield Share(rate.quantity, times, np.abs(rate.values / rate.limits).max(axis=1))
+            yield Share(rate.quantity, moments_of(rate), np.abs(rate.values / rate.limits).max(axis=1))
 
 
 def sample_parameters(waypoints: int) -> Array:

@@ -1,6 +1,7 @@
 """The nodes in the browser's scene: robots, obstacles, paths and the closest pair, each a few nodes that are moved.
 
-Meshes are sent once; after that only placements travel. Everything here is called by the viewer's one thread.
+Meshes are sent once; after that only placements travel, and of all that is set viser sends only what differs.
+Everything here is called by the viewer's one thread.
 """
 
 from __future__ import annotations
@@ -118,15 +119,13 @@ class RobotNodes:
         """Colour these links as being in contact, and all others as they were."""
         for link in self.links:
             color = CONTACT if link.skin.link in links else self.color or link.skin.color
-            if tuple(link.mesh.color) != color:
-                link.mesh.color = color
+            link.mesh.color = color
 
     def select(self, selected: bool) -> None:
         """Show a ghost more solid as being selected, or as it was."""
         opacity = MORE_SOLID if selected else self.opacity
         for link in self.links:
-            if link.mesh.opacity != opacity:
-                link.mesh.opacity = opacity
+            link.mesh.opacity = opacity
 
     @property
     def visible(self) -> bool:
@@ -135,8 +134,7 @@ class RobotNodes:
 
     @visible.setter
     def visible(self, value: bool) -> None:
-        if self.root.visible != value:
-            self.root.visible = value
+        self.root.visible = value
 
     def remove(self) -> None:
         """Take it out of the scene."""
@@ -204,10 +202,8 @@ class ObstacleNode:
 
     def _paint(self) -> None:
         color = CONTACT if self._in_contact else SELECTED if self._selected else OBSTACLE
-        if tuple(self.mesh.color) != color:
-            self.mesh.color = color
-        if self.mesh.opacity != self.opacity:
-            self.mesh.opacity = self.opacity
+        self.mesh.color = color
+        self.mesh.opacity = self.opacity
 
 
 def draw_ground(scene: viser.SceneApi, middle: Vector3, dark: bool) -> None:
@@ -253,8 +249,7 @@ class PathNode:
         """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour, of a `width` [m]."""
         with self._server.atomic():
             self._node.points, self._node.colors = _segments(tip, colors)
-            if self._node.thickness != width:
-                self._node.thickness = width
+            self._node.thickness = width
 
     @property
     def visible(self) -> bool:
@@ -297,8 +292,7 @@ class ClosestNodes:
         """Draw the closest pair with an obstacle, where it is tight, as wide as at a phase of its pulse, 0 to 1."""
         swell = PULSE * 0.5 * (1.0 - np.cos(2 * np.pi * phase)) if self._tight else 0.0
         width = float(SEGMENT_WIDTH * (1.0 + swell))
-        if self.lines[0].thickness != width:
-            self.lines[0].thickness = width
+        self.lines[0].thickness = width
 
     def show(self, pairs: Sequence[Closest | None]) -> None:
         """Draw the closest pair with an obstacle, and between links; the first that there is has a label."""

@@ -102,8 +102,7 @@ class Plot:
 
     @visible.setter
     def visible(self, value: bool) -> None:
-        if self.handle.visible != value:
-            self.handle.visible = value
+        self.handle.visible = value
 
     def set(
         self,
@@ -141,9 +140,8 @@ class Plot:
 
     def remark(self, words: str) -> None:
         """Add a remark to the title, until other curves are set."""
-        if self._remark != words:
-            self._remark = words
-            self.handle.title = self._words
+        self._remark = words
+        self.handle.title = self._words
 
     def follow(self, now: float) -> None:
         """Move the bar."""

@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import viser
 
-from hdplan.planner.pictures.quantities import Rate
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.colors import CONTACT, INK, LINES, LINKS, SHARES, START, hex_of
 from hdplan.planner.view.drawing.mesh_parts import Color
-from hdplan.planner.view.drawing.motion import ShownMotion
+from hdplan.planner.view.drawing.motion import ShownMotion, moments_of, rates_of
 from hdplan.planner.view.drawing.plot import SPAN, Line, Plot
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.scenes.array_types import Array
@@ -24,7 +24,6 @@ NARROWEST = 0.01  # of the timeline that a plot shows at least
 NEAR_LIMIT = 0.2  # of the range of all joints, from a joint to a limit of it that is drawn
 POSITION = "position"
 UNITS = {"velocity": "rad/s", "acceleration": "rad/s²", "jerk": "rad/s³", "torque": "N m"}  # or with m, N
-Rates = Callable[[ShownMotion], Sequence[Rate]]
 
 
 class MotionPlots:
@@ -70,18 +69,18 @@ class MotionPlots:
         active: ShownMotion,
         motions: Sequence[tuple[ShownMotion, Color]],
         required: float,
-        rates: Rates,
+        setup: Setup,
         timeline: Timeline,
         now: float,
     ) -> None:
         """Show the joints of the active motion, beside them dashed those of the first other one; the clearance of all
         in their colours, each from its start to its goal, the clearance `required` [m] and the one proven of the active
-        motion; and its shares of limits, if it has any. Motions have `rates`."""
+        motion; and its shares of limits, if it has any. Limits of rates are those of `setup`."""
         if timeline != self._timeline:
             self._timeline, self._view = timeline, (timeline.begin, timeline.end)
         self._show_clearance(active, motions, required, now)
         others = [motion for motion, _ in motions if motion is not active]
-        self._show_joints(active, others[:1], rates, now)
+        self._show_joints(active, others[:1], setup, now)
         self._show_shares(active, now)
 
     def _show_clearance(
@@ -120,10 +119,10 @@ class MotionPlots:
         elif any(np.nanmax(curve, initial=0.0) >= 1e3 * SHOWN for curve in millimetres):
             self.clearance.remark(f", cut at {1e3 * SHOWN:g}")
 
-    def _show_joints(self, active: ShownMotion, others: Sequence[ShownMotion], rates: Rates, now: float) -> None:
+    def _show_joints(self, active: ShownMotion, others: Sequence[ShownMotion], setup: Setup, now: float) -> None:
         """Show the chosen quantity, of the motions that have it, with its limits."""
         timeline, wanted = self._timeline, str(self.quantity.value)
-        found = [(each, _values(each, wanted, rates, timeline)) for each in (active, *others)]
+        found = [(each, _values(each, wanted, setup, timeline)) for each in (active, *others)]
         known = [(motion.name, *values) for motion, values in found if values is not None]
         lanes = bool(self.lanes.value) and len(self._names) > 1
         limits = [] if lanes or not known or known[0][3] is None else sorted({*known[0][3].tolist()})
@@ -201,17 +200,17 @@ def stage_moments(motion: ShownMotion, timeline: Timeline) -> Array:
 
 
 def _values(
-    motion: ShownMotion, wanted: str, rates: Rates, timeline: Timeline
+    motion: ShownMotion, wanted: str, setup: Setup, timeline: Timeline
 ) -> tuple[Array, Array, Array | None] | None:
     """Return the moments (K,) and values (K, n) of a quantity of the joints, and its limits (n,) if the scene has any;
     None for a motion of which it is not known."""
     if wanted == POSITION:
         return timeline.moments(motion.curve, motion.parameter), motion.joints, None
-    rate = next((rate for rate in rates(motion) if rate.quantity == wanted and len(rate.values)), None)
+    found = (rate for rate in rates_of(motion.trajectory, setup) if rate.quantity == wanted and len(rate.values))
+    rate = next(found, None)
     if rate is None:
         return None
-    between = len(rate.times) > len(rate.values)  # each value holds from one time to the next
-    times = 0.5 * (rate.times[1:] + rate.times[:-1]) if between else rate.times
+    times = moments_of(rate)
     rising = np.concatenate([[True], np.diff(times) > 0.0])  # of two values at a jump, the first
     return times[rising], rate.values[rising], rate.limits
 

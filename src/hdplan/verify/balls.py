@@ -154,7 +154,7 @@ def length(v: Any) -> Ball:
     """|v|: with m = fl(|v|) and S = |v|^2 known as a ball, |sqrt(S) - m| <= |S - m^2| / m."""
     square = dot("i,i->", v, v)
     m = float(np.sqrt(square.mid))
-    need(1e-10 < m < 1e6, "a direction or rotation is none")
+    need(1e-10 < m < 1e6, "a direction or rotation must have a length")
     return Ball(m, up((Ball(m) * m - square).size / m))
 
 

@@ -41,9 +41,8 @@ def check_curves(read: list[Any], claimed: list[Any]) -> None:
     axes = [0, 1, 2] if one[0]["free"] == "none" else ["xyz".index(one[0]["free"])]
     sides = list[Any]()
     for each in (one[0], other[0]):
-        turns = (
-            np.array([x["rotation"] for x in each["poses"]]).reshape(-1, 3, 3)[:, :, axes].reshape(-1, 3 * len(axes))
-        )
+        turns = np.array([x["rotation"] for x in each["poses"]]).reshape(-1, 3, 3)[:, :, axes]
+        turns = turns.reshape(-1, 3 * len(axes))
         places = np.array([x["position"] for x in each["poses"]])
         sides.append(
             np.concatenate([places / one[0]["position_tolerance"], turns / one[0]["orientation_tolerance"]], 1)
@@ -96,11 +95,11 @@ def _same(read: Any, claimed: Any, where: str, off: float, least: float) -> None
         read, claimed = (x.tolist() if isinstance(x, np.ndarray) else x for x in (read, claimed))
         if _alike(read, claimed, off):
             return
-    seen = isinstance(read, dict) and balls(read)
+    seen, differ = isinstance(read, dict) and balls(read), f"the worlds differ: {where}"
     if isinstance(read, dict) and isinstance(claimed, dict) and "sha256" in claimed and (seen or triangles(read)):
         rows = {"left_out": claimed.get("left_out")} if seen else {}  # which the reader has used
         same = claimed == {**digest(read), **rows}
-        need(same, f"the worlds differ: {where}: the numbers that are read have another SHA-256")
+        need(same, f"{differ}: the numbers that are read have another SHA-256")
     elif isinstance(read, dict) and isinstance(claimed, dict):
         if read.keys() != claimed.keys():
             raise RejectedError(f"the worlds differ: {where or 'their keys'}: {_keys(read, claimed)}")
@@ -111,21 +110,16 @@ def _same(read: Any, claimed: Any, where: str, off: float, least: float) -> None
             if key != "off" and not _alike(one, two, more):
                 _same(one, two, f"{where}.{key}" if where else str(key), more, least)
     elif isinstance(read, list) and isinstance(claimed, list):
-        need(
-            len(read) == len(claimed),
-            f"the worlds differ: {where}: {len(read)} entries are read, the proof has {len(claimed)}",
-        )
+        need(len(read) == len(claimed), f"{differ}: {len(read)} entries are read, the proof has {len(claimed)}")
         for i, (one, two) in enumerate(zip(read, claimed, strict=True)):
             if not _alike(one, two, off):
                 _same(one, two, f"{where}[{_name(one, i)}]", off, least)
     elif type(read) in (int, float) and type(claimed) in (int, float):
         same = read == claimed or abs(read - claimed) <= up(off)
-        need(same, f"the worlds differ: {where}: {read!r} is read, the proof has {claimed!r}")
+        need(same, f"{differ}: {read!r} is read, the proof has {claimed!r}")
     else:
-        need(
-            type(read) is type(claimed) and read == claimed,
-            f"the worlds differ: {where}: {_word(read)} is read, the proof has {_word(claimed)}",
-        )
+        same = type(read) is type(claimed) and read == claimed
+        need(same, f"{differ}: {_word(read)} is read, the proof has {_word(claimed)}")
 
 
 def _alike(read: Any, claimed: Any, off: float) -> bool:
@@ -156,10 +150,8 @@ def _off(group: dict[str, Any], where: str) -> float:
 
 def _keys(read: dict[str, Any], claimed: dict[str, Any]) -> str:
     more, less = sorted({*read} - {*claimed}), sorted({*claimed} - {*read})
-    return "; ".join(
-        [f"'{x}' is read, the proof has none" for x in more[:1]]
-        + [f"the proof has '{x}', none is read" for x in less[:1]]
-    )
+    found = [f"'{x}' is read, the proof has none" for x in more[:1]]
+    return "; ".join(found + [f"the proof has '{x}', none is read" for x in less[:1]])
 
 
 def _name(entry: Any, place: int) -> Any:

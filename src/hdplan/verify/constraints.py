@@ -45,7 +45,7 @@ def goal_of(value: Any, frames: Frames) -> Any:
     for link, entry in places.items():
         _, point, shape, (_, at) = _region(entry, frames)
         need(not any(point), "goal_constraints: a target_point_offset")
-        need(shape["type"] in ("box", "sphere"), "goal_constraints: a region that is no box or sphere")
+        need(shape["type"] in ("box", "sphere"), "goal_constraints: a region must be a box or a sphere")
         most = min(shape["size"]) / 2 if shape["type"] == "box" else shape["radius"]
         turn, angle, free = _turn(turns[link], frames) if link in turns else (HERE[0], USUAL, "all")
         within = {"position_tolerance": min(most, LARGEST), "orientation_tolerance": angle}
@@ -75,12 +75,8 @@ def _region(value: Any, frames: Frames) -> tuple[str, list[float], dict[str, Any
     need(len(shapes) == 1, f"{what}: one region is expected")
     ((shape, place),) = shapes
     point = vector(section.get("target_point_offset", [0.0] * 3), what)
-    return (
-        scenes.word(section.get("link_name"), what),
-        point,
-        shape,
-        compose(frames.of(section.get("header"), what), place),
-    )
+    pose = compose(frames.of(section.get("header"), what), place)
+    return scenes.word(section.get("link_name"), what), point, shape, pose
 
 
 def _turn(value: Any, frames: Frames) -> tuple[Any, float, str]:
@@ -125,7 +121,7 @@ def path_of(value: Any, frames: Frames) -> tuple[dict[str, Any], ...]:
         found.append({"kind": "upright", "link": link, "axis": axis, "off": off, "tolerance": angle - slant})
     if "position_constraints" in section:
         link, point, shape, place = _region(section["position_constraints"][0], frames)
-        need(shape["type"] == "box", "path_constraints: a region that is no box")
+        need(shape["type"] == "box", "path_constraints: a region must be a box")
         box = {"kind": "position", "link": link, "point": point, "size": shape["size"]}
         found.append({**box, **scenes.frame(place)})
     return tuple(found)

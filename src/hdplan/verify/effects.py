@@ -17,10 +17,7 @@ from .balls import CROSS, EPS, Ball, Pose, RejectedError, above, compose, cos_si
 from .kernel import AT_ONCE, CLAIMS, INSTANT, Motion
 from .world import Bond, World, blossom, keys_of, number, numbers, placed, symmetric, unit_vector
 
-SAME_END, LIMIT_ROUNDING = (
-    1e-6,
-    1e-9,
-)  # [rad, m or s] between the motion's ends and the world's; by which a limit may be passed
+SAME_END, LIMIT_ROUNDING = 1e-6, 1e-9  # [rad, m or s] between ends of motion and world; by which a limit may be passed
 RATE_NAMES = ("velocity", "acceleration", "jerk")
 
 
@@ -94,11 +91,8 @@ def limits_of(world: World, name: str) -> tuple[Any, Any]:
     ends = [[none if x is None else number(x, f"limits.{name}") for x, none in pair] for pair in pairs]
     low, high = np.array(ends).T
     need(value or (high >= 0).all(), f"limits.{name}: is negative")
-    return (
-        (low - LIMIT_ROUNDING, high + LIMIT_ROUNDING)
-        if value
-        else (-high * (1 + LIMIT_ROUNDING), high * (1 + LIMIT_ROUNDING))
-    )
+    most = high * (1 + LIMIT_ROUNDING)
+    return (low - LIMIT_ROUNDING, high + LIMIT_ROUNDING) if value else (-most, most)
 
 
 def rates_of(world: World, name: str, order: int) -> list[Ball]:
@@ -298,7 +292,7 @@ def link_of(world: World, name: Any) -> tuple[int, Pose]:
     """The joint that carries a link or a held object, and where its frame is in that of the joint."""
     found: dict[str, tuple[int, Pose]] = {x.name: (x.joint, x.pose) for x in world.pieces if x.kind == "held"}
     found |= world.links
-    need(name in found, f"'{name}' is no link of the world, and not held")
+    need(name in found, f"'{name}' is not a link of the world, and not held")
     return found[name]
 
 
@@ -399,7 +393,7 @@ def at_values(world: World, target: Any, end: str) -> bool:
     at = world.curve[-1, -1] if end == "goal" else world.curve[0, 0]
     here = dict(world.held)
     here |= {x.name: float(at.mid[i]) for i, x in enumerate(world.joints[: world.own]) if x.follows}
-    need({*others} <= {*here}, f"{end}: names a joint that is none")
+    need({*others} <= {*here}, f"{end}: names an unknown joint")
     more = [here[name] - number(value, end) for name, value in others.items()]
     return bool((np.abs([*off, *more]) <= SAME_END).all()) and at_rates(world, rates, end)
 

@@ -45,10 +45,8 @@ class Hands:
         refused = {*top} & {"path", "from_request", "goal"}
         refused |= {"timing.duration"} & {f"timing.{x}" for x in top.get("timing", {})}
         refused |= {f"robot.{x}" for x in ("calibration", "tracking") if joints.spec.get(x) is not None}
-        need(
-            not refused and top.get("self_collision") is not False,
-            f"{', '.join(refused) or 'self_collision'}: with a job",
-        )
+        refused |= {"self_collision"} if top.get("self_collision") is False else set()
+        need(not refused, f"{', '.join(refused)}: with a job")
         self.reader, self.spec = reader, joints.spec
         start = Targets(joints, False).target(top["start"], "start")
         need("velocity" not in start, "start.velocity: with a job, whose stages begin at rest")
@@ -137,7 +135,7 @@ class Hands:
         leaders = {x: y.mimic[0] for x, y in tree.joints.items() if y.mimic}
         leaders |= {x: rule[0] for x, rule in tree.rules(tree.movable).items()}
         for joint in values:
-            need(joint in joints.held, f"joints: '{joint}' is none of the fingers'")
+            need(joint in joints.held, f"joints: '{joint}' is not a joint of the fingers")
             need(leaders.get(joint, joint) in values, f"joints: '{joint}' follows '{leaders.get(joint)}'")
         group = [x for x in values if x not in leaders]
         fixed = {**(self.spec.get("locked") or {}), **self.hand, **self.arm}
@@ -225,7 +223,7 @@ class Hands:
     def solid(self, name: Any) -> Any:
         """The shape of what stands and can be touched or held."""
         need(name in self.standing, f"there is no object '{name}' that stands")
-        need("shape" in self.standing[name], f"'{name}' is no object that can be touched, or held")
+        need("shape" in self.standing[name], f"'{name}' is not an object that can be touched or held")
         known = not any((self.standing[name].get("uncertainty") or {}).values())
         need(known, f"'{name}': has an uncertainty, and is held or touched: its place must be known")
         return self.standing[name]["shape"]

@@ -31,7 +31,7 @@ def table(path: Path, data: bytes, name: str) -> Any:
 
 
 def _member(data: bytes, name: str, what: str) -> bytes:
-    need(data[:4] == ZIP, f"{what}: is no npz file")
+    need(data[:4] == ZIP, f"{what}: is not an npz file")
     with zipfile.ZipFile(io.BytesIO(data)) as held:
         names = held.namelist()
         need(len({*names}) == len(names) and all(x.endswith(".npy") for x in names), f"{what}: arrays of other names")
@@ -43,7 +43,7 @@ def _member(data: bytes, name: str, what: str) -> bytes:
 
 def _npy(data: bytes, what: str) -> Any:
     size = {1: 2, 2: 4, 3: 4}.get(data[6], 0) if data[:6] == NPY else 0
-    need(size and data[7] == 0, f"{what}: is no npy file")
+    need(size and data[7] == 0, f"{what}: is not an npy file")
     begins = 8 + size + int.from_bytes(data[8 : 8 + size], "little")
     need(begins <= min(len(data), 10_000), f"{what}: is cut short")
     header = ast.literal_eval(data[8 + size : begins].decode("ascii").strip())
@@ -60,7 +60,7 @@ def _npy(data: bytes, what: str) -> Any:
 
 
 def _png(data: bytes, what: str) -> Any:
-    need(data[:8] == PNG, f"{what}: is no PNG file")
+    need(data[:8] == PNG, f"{what}: is not a PNG file")
     at, chunks = 8, list[tuple[bytes, bytes]]()
     while at < len(data):
         size = int.from_bytes(data[at : at + 4], "big")

@@ -52,7 +52,7 @@ def tolerances(stage: Stage) -> tuple[float, float]:
 def link_of(job: Job, stage: Stage) -> str:
     """The link, or the held object, that follows a stage's curve."""
     link = stage.content["link"] if "link" in stage.content else job.targets.end_effector()
-    need(job.moves(link), f"{stage.kind}.link: '{link}' is no link or held object that moves")
+    need(job.moves(link), f"{stage.kind}.link: '{link}' is not a link or held object that moves")
     return str(link)
 
 
@@ -96,12 +96,8 @@ def leg_of(job: Job, stage: Stage, corner: Corner | None) -> Leg:
     arc = None
     if kind == "circle":
         need(("interim" in content) != ("center" in content), "circle: either interim or center")
-        around = "interim" in content
-        arc = (
-            arc_through(at, place("interim"), ends)
-            if around
-            else arc_about(at, place("center"), ends, tolerances(stage)[0])
-        )
+        around, far = "interim" in content, tolerances(stage)[0]
+        arc = arc_through(at, place("interim"), ends) if around else arc_about(at, place("center"), ends, far)
     return Leg(np.stack([at, ends]), np.stack([turn, end]), free, (rates[0], rates[1]), arc)
 
 

@@ -13,9 +13,7 @@ from .robot import Tree, placed
 from .semantics import Semantics, held_at, moving
 from .text import mapping
 
-LIMIT_ROOM = (
-    0.1  # [rad or m] by which held joints, a named state or a request may be beyond limits: descriptions differ
-)
+LIMIT_ROOM = 0.1  # [rad or m] by which held joints, a named state or a request may be beyond limits, as URDFs differ
 
 
 @functools.lru_cache(maxsize=16)
@@ -46,7 +44,7 @@ class Joints:
         spec = dict(spec)
         named = mapping(start, "start", "joints state velocity acceleration").get("joints")
         locked = {x: scenes.one(y, f"robot.locked.{x}") for x, y in (spec.get("locked") or {}).items()}
-        need({*locked} <= {*tree.movable}, "robot.locked: names a joint that is none")
+        need({*locked} <= {*tree.movable}, "robot.locked: names an unknown joint")
         spec["locked"] = locked
         planned, self.group = moving(spec, tree, semantics)
         if spec.get("base_joints") is not None:

@@ -343,9 +343,8 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
     need(normals.any(axis=1).all(), "a direction is 0")
     spans, node, whole = leaves(counts, depths, len(world.control.mid))
     for p in np.flatnonzero(~whole)[:1]:
-        raise RejectedError(
-            f"{' and '.join(pieces[i].key for i in world.pairs[p])}: the leaves do not cover the motion"
-        )
+        both = " and ".join(pieces[i].key for i in world.pairs[p])
+        raise RejectedError(f"{both}: the leaves do not cover the motion")
     pair, order = np.repeat(np.arange(len(counts)), counts), np.argsort(node, kind="stable")
     bodies, floor = world.pairs[pair], least[pair]
     parts = np.append(0, np.cumsum(np.ceil(spans[:, 1]) - np.floor(spans[:, 0])))[:-1]  # before each interval

@@ -48,9 +48,8 @@ def staying(reader: Reader, name: str, section: dict[str, Any], centres: Ball, p
     """Mask of an obstacle's balls that stay (m,): all but those that the proof has left out, which the scene must
     allow."""
     claimed = reader.claimed.seen(name)
-    stay = (
-        without(len(centres.mid), claimed) if "left_out" in claimed else kept(centres.mid, reader.claimed.points(name))
-    )
+    listed = "left_out" in claimed
+    stay = without(len(centres.mid), claimed) if listed else kept(centres.mid, reader.claimed.points(name))
     if stay.all():
         return stay
     left = centres.mid[~stay] @ pose[0].mid.T + pose[1].mid

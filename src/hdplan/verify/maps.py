@@ -39,7 +39,7 @@ def boxes_of(kind: str, value: Any, what: str, folder: Path, files: Files, claim
     low, high = (np.rint(x).astype(np.int64) for x in (cells.min(axis=1), cells.max(axis=1)))
     sides = low[:, None] + CORNERS * (high - low)[:, None]
     whole = np.abs(cells - sides).max() <= WHOLE and (low >= 0).all() and (high <= grid.shape).all()
-    need(whole, f"{what}: the proof has boxes that are no whole cells, in the order of their corners")
+    need(whole, f"{what}: the proof's boxes must be whole cells, in the order of their corners")
     found = np.zeros(grid.shape, dtype=np.int8)
     for (x, y, z), (right, back, top) in zip(low.tolist(), high.tolist(), strict=True):
         part = found[x:right, y:back, z:top]
@@ -65,10 +65,8 @@ def _voxels(value: Any, what: str, folder: Path, files: Files) -> tuple[Any, Any
         need(grid.dtype.kind in "biuf", f"{what}: cells of 0 and 1 are expected")
     need(grid.ndim == 3 and 0 < grid.size <= MOST_CELLS and np.isin(grid, (0, 1)).all(), f"{what}: cells of 0 and 1")
     need(grid.any(), f"{what}: holds no occupied cell")
-    edge, at = (
-        scenes.one(section.get("size"), f"{what}.size"),
-        values(section.get("origin", [0.0] * 3), 3, f"{what}.origin"),
-    )
+    edge = scenes.one(section.get("size"), f"{what}.size")
+    at = values(section.get("origin", [0.0] * 3), 3, f"{what}.origin")
     need(edge > 0, f"{what}.size: above 0")
     return grid != 0, np.zeros(3, dtype=np.int64), Ball(edge, EPS * edge), Ball(at, EPS * np.abs(at))
 
@@ -87,7 +85,7 @@ def _octomap(value: Any, what: str, folder: Path, files: Files) -> tuple[Any, An
         data = base64.b64decode(scenes.word(section["content"], what), validate=True)
     head, mark, tree = data.partition(b"\ndata\n")
     first, *lines = head.decode("ascii").split("\n")
-    need(mark and first.strip().encode() in (BINARY, FULL), f"{what}: is no octomap")
+    need(mark and first.strip().encode() in (BINARY, FULL), f"{what}: is not an octomap")
     words = [line.split() for line in lines if not line.startswith("#")]
     kinds = [x[0] for x in words if x]
     need(kinds.count("id") == kinds.count("res") == 1, f"{what}: says not once what it is")
@@ -139,7 +137,7 @@ def _full(tree: bytes, what: str) -> Any:
         (odds,), bits = struct.unpack_from("<f", tree, at), tree[at + 4]
         at += 5
         need(size > 1 or not bits, f"{what}: has nodes below the smallest cells")
-        need(np.isfinite(odds), f"{what}: a probability is none")
+        need(np.isfinite(odds), f"{what}: a probability must be a number")
         if not bits:
             yield x, y, z, size, int(odds >= 0)
         waiting += reversed([child for i, child in enumerate(_children(x, y, z, size // 2)) if bits >> i & 1])

@@ -26,7 +26,7 @@ def triangles(path: Path, data: bytes, upright: bool) -> Ball:
         rows = np.frombuffer(data, dtype=np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")]), offset=84)
         found = Ball(rows["v"])
     else:
-        need(b"\0" not in data, f"{path}: is no text")
+        need(b"\0" not in data, f"{path}: is not text")
         found = collada(strict_xml(data), upright) if kind == ".dae" else Ball((stl if kind == ".stl" else obj)(data))
     good = len(found.mid) and (np.abs(found.mid) < 1e9).all() and (found.rad < 1e-6).all()
     need(good, f"{path}: has no triangles, or numbers that are not finite")
@@ -112,7 +112,7 @@ def collada(root: Any, upright: bool) -> Ball:
         return named[element.get(key)[1:]]
 
     def soup(geometry: Any) -> Iterator[Ball]:
-        need({x.tag for x in geometry} <= {"mesh", "extra", "asset"}, "COLLADA: a geometry that is no mesh")
+        need({x.tag for x in geometry} <= {"mesh", "extra", "asset"}, "COLLADA: a geometry must be a mesh")
         for part in geometry.findall("mesh/*"):
             need(part.tag in ("source", "vertices", "lines", "triangles", "polylist", "extra"), f"COLLADA: {part.tag}")
             if part.tag not in ("triangles", "polylist"):  # lines enclose nothing
@@ -159,7 +159,7 @@ def collada(root: Any, upright: bool) -> Ball:
             count = {"matrix": 16, "rotate": 4}.get(step.tag, 3)
             v, (turn, at) = row(step.text, count, "COLLADA"), HERE
             if step.tag == "matrix":
-                need(v[12:].tolist() == [0, 0, 0, 1], "COLLADA: a matrix is no affine map")
+                need(v[12:].tolist() == [0, 0, 0, 1], "COLLADA: a matrix must be an affine map")
                 turn, at = (Ball(x, EPS * np.abs(x)) for x in np.split(v.reshape(4, 4)[:3], [3], axis=1))
                 at = at[:, 0]
             elif step.tag == "rotate":  # by an angle in degrees, wrong by less than 5 roundings

@@ -25,10 +25,8 @@ class Rows:
     def __init__(self, path: Path, data: bytes) -> None:
         need(path.suffix.lower() in KINDS, f"{path}: motions of this kind cannot be checked (json and csv can)")
         content: Any = self._json(path, data) if path.suffix.lower() == ".json" else self._csv(path, data)
-        self.path, self.locked = (
-            path,
-            mapping(content.get("locked") or {}, "locked", " ".join(content.get("locked") or {})),
-        )
+        locked = content.get("locked") or {}
+        self.path, self.locked = path, mapping(locked, "locked", " ".join(locked))
         self.names: Any = content.get("joint_names")
         need(type(self.names) is list and all(type(x) is str for x in self.names), f"{path}: joint_names")
         need(len({*self.names}) == len(self.names) > 0, f"{path}: a joint appears twice, or there is none")
@@ -107,7 +105,7 @@ class Rows:
         missing = [x for x in lead if x not in self.names]
         need(not missing, f"{self.path}: has no column of joint '{missing[0] if missing else ''}', which moves")
         for name, at in self.locked.items():
-            need(name in held, f"{self.path}: locked: '{name}' is no joint that is held")
+            need(name in held, f"{self.path}: locked: '{name}' is not a joint that is held")
             off = abs(float(values(at, 1, f"locked.{name}")[0]) - held[name])
             need(off <= SAME_VALUE, f"{self.path}: locked: '{name}' is held at {held[name]:g}")
         if {*self.names} - {*lead}:
@@ -124,7 +122,7 @@ class Rows:
         rules = {x["name"]: x["follows"] for x in joints}
         rules |= {x: (None, 0.0, at) for x, at in held.items()}
         for i, name in enumerate(self.names):
-            need(name in rules, f"{self.path}: '{name}' is no joint of the robot")
+            need(name in rules, f"{self.path}: '{name}' is not a joint of the robot")
             if rules[name] is None:
                 continue  # it leads
             other, factor, add = rules[name]

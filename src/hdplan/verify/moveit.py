@@ -41,21 +41,15 @@ def sections(scene: Any, request: Any, spec: dict[str, Any], tree: Tree, semanti
 
 
 def sections_around(
-    scene: Any,
-    request: Any,
-    spec: dict[str, Any],
-    at: dict[str, tuple[int, Pose]],
-    joints: set[str],
-    solid: set[str],
+    scene: Any, request: Any, spec: dict[str, Any], at: dict[str, tuple[int, Pose]], joints: set[str], solid: set[str]
 ) -> dict[str, Any]:
     """Sections that need no more of the robot than where its links are, which have collision geometry, and the
     names of its joints; `matrix` has the robot's name, and the pairs of links that the allowed collision matrix tells
     to compare, and those of which it says nothing, which MoveIt compares, too."""
     around, plan_request = fields(scene, "PlanningScene", "scene"), fields(request, "MotionPlanRequest", "request")
     for key in ("pipeline_id", "planner_id"):
-        need(
-            not PRESCRIBED.search(str(plan_request.get(key, ""))), f"request.{key}: prescribes the shape of the motion"
-        )
+        prescribed = PRESCRIBED.search(str(plan_request.get(key, "")))
+        need(not prescribed, f"request.{key}: prescribes the shape of the motion")
     bounded = filled(plan_request.get("workspace_parameters")) and spec.get("base_joints") is not None
     need(not bounded, "request.workspace_parameters: bounds the mobile base, as robot.base_joints do")
     base = scenes.pose_of(spec.get("base"), "robot.base")

@@ -32,7 +32,7 @@ def table(path: Path, data: bytes) -> Any:
 
 def _words(data: bytes, what: str, comma: bool = False) -> list[list[str]]:
     """The words of each line that has some and is no comment."""
-    need(data.isascii() and not re.search(rb"[\x00-\x08\x0b-\x0c\x0e-\x1f\x7f]", data), f"{what}: is no plain text")
+    need(data.isascii() and not re.search(rb"[\x00-\x08\x0b-\x0c\x0e-\x1f\x7f]", data), f"{what}: is not plain text")
     rows = [split(line) for line in re.split(r"\r\n|\n|\r", data.decode("ascii"))]
     rows = [row for row in rows if row and row[0][0] != "#"]
     if comma and rows and "," in " ".join(rows[0]):
@@ -60,7 +60,7 @@ def _xyz(data: bytes, what: str) -> Any:
 
 def _ply(data: bytes, what: str) -> Any:
     end = re.search(rb"(?<=\n)end_header(\r?\n)", data[:100_000])
-    need(data[:4] in (b"ply\n", b"ply\r") and end, f"{what}: is no PLY file, or its header is cut short")
+    need(data[:4] in (b"ply\n", b"ply\r") and end, f"{what}: is not a PLY file, or its header is cut short")
     assert end is not None
     line_end = end[1]
     head = data[: end.end()].split(line_end)[:-1]
@@ -87,7 +87,7 @@ def _pcd(data: bytes, what: str) -> Any:
     head, at = dict[str, list[str]](), 0
     while "DATA" not in head:
         end = data.find(b"\n", at)
-        need(0 <= end < 10_000, f"{what}: is no PCD file, or its header is cut short")
+        need(0 <= end < 10_000, f"{what}: is not a PCD file, or its header is cut short")
         words, at = split(data[at:end].decode("ascii", "replace")), end + 1
         if words and words[0][0] != "#":
             need(words[0] in PCD and words[0] not in head, f"{what}: '{words[0]}' in its header")
@@ -129,7 +129,7 @@ def _rows(data: bytes, count: int, columns: list[tuple[str, str]], text: bool, w
 
 
 def _las(data: bytes, what: str) -> Any:
-    need(data[:4] == b"LASF" and len(data) >= LAS_HEADER, f"{what}: is no LAS file")
+    need(data[:4] == b"LASF" and len(data) >= LAS_HEADER, f"{what}: is not a LAS file")
     begins, _, kind, length, count = struct.unpack_from("<IIBHI", data, 96)
     if data[25] >= 4:  # minor version
         need(len(data) >= LAS_14, f"{what}: its header is cut short")

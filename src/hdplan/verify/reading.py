@@ -36,9 +36,8 @@ from .text import Files, listing, mapping, row
 from .world import VERSION
 
 ROW_ROUNDING = 1e-6  # by which rows may be farther apart than a scene says
-ROBOT = (
-    "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs tracking calibration"
-)
+ROBOT = "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs"
+ROBOT += " tracking calibration"
 
 
 @dataclass(frozen=True)
@@ -105,11 +104,10 @@ class Reader:
             self.claimed.taken[f"the robot ({named(urdf.name)}) with its limits and the pairs left out"] = None
             self.joints = OtherRobot(claimed, spec)
             if request is not None:
-                self.top = sections_around(
-                    around, plan_request, spec, self.joints.at, {*self.joints.movable}, self.joints.solid
-                )
+                robots = self.joints.at, {*self.joints.movable}, self.joints.solid
+                self.top = sections_around(around, plan_request, spec, *robots)
             return
-        need(not spec.get("xacro_args"), "robot.xacro_args: the file is no xacro")
+        need(not spec.get("xacro_args"), "robot.xacro_args: the file is not in xacro")
         base = spec.get("base_joints")
         base = None if base is None else json.dumps(mapping(base, "robot.base_joints", "kind x y yaw"))
         tree = tree_of(urdf, description, base)
@@ -296,9 +294,8 @@ class Reader:
         times, rate = world["motion"]["times"], self.top.get("timing", {}).get("rate")
         gap = max(np.diff(times), default=0.0) if times else np.inf
         if rate is not None and not gap * scenes.one(rate, "timing.rate") <= 1 + ROW_ROUNDING:
-            notes.append(
-                f"not kept, timing.rate: rows are up to {float(gap)!r} s apart, {rate!r} in a second are required"
-            )
+            apart = f"rows are up to {float(gap)!r} s apart, {rate!r} in a second are required"
+            notes.append(f"not kept, timing.rate: {apart}")
         light = [
             named(x.get("name", f"attached{i}"))
             for i, x in enumerate(listing(self.top.get("attached"), "attached"))

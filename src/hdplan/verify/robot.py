@@ -78,7 +78,7 @@ class Tree:
 
     def __init__(self, path: Path, data: bytes, base: dict[str, Any] | None) -> None:
         root = strict_xml(data)
-        need(root.tag == "robot", f"{path}: is no URDF, and cannot be checked")
+        need(root.tag == "robot", f"{path}: is not a URDF, and cannot be checked")
         need("xacro" not in "".join(x.tag for x in root.iter()), f"{path}: is xacro, and its name must end in .xacro")
         self.name, self.stem = root.get("name", ""), path.stem.removesuffix(".urdf")
         self.elements = {x.get("name", ""): x for x in root.findall("link")}
@@ -244,9 +244,8 @@ def placed(tree: Tree, base: Pose, numbers: dict[str, int], held: dict[str, floa
             continue
         if joint.kind != "fixed":
             value = held[name]
-            step = (
-                (HERE[0], joint.axis * value) if joint.kind == "prismatic" else (rotation(joint.axis, value), HERE[1])
-            )
+            slides = joint.kind == "prismatic"
+            step = (HERE[0], joint.axis * value) if slides else (rotation(joint.axis, value), HERE[1])
             pose = compose(pose, (step[0], Ball(step[1].mid, step[1].rad + EPS * np.abs(step[1].mid))))
         at[joint.child] = parent, pose
     return at, frames

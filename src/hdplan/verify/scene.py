@@ -64,7 +64,7 @@ def pose_of(value: Any, what: str) -> Pose:
     need(not {"rpy", "quaternion_xyzw"} <= {*keys}, f"{what}: has two rotations")
     if "quaternion_xyzw" in keys:
         given = values(keys["quaternion_xyzw"], 4, what)
-        need(abs(np.sqrt(given @ given) - 1) < 0.011, f"{what}.quaternion_xyzw: is no unit quaternion")
+        need(abs(np.sqrt(given @ given) - 1) < 0.011, f"{what}.quaternion_xyzw: must be a unit quaternion")
         if given[:3].any():  # or else it is not turned
             turn = turned_by(*given.tolist())
     elif "rpy" in keys:
@@ -100,17 +100,14 @@ def shape_of(value: Any, what: str, folder: Path, files: Files, claimed: Claimed
     section = mapping(value, f"{what}: shape", "type size radius radii length points file scale")
     kind = str(section.pop("type", ""))
     need(kind in SHAPES, f"{what}: a shape '{kind}'")
-    need(
-        {*section} - {*(["scale"] * (kind == "mesh"))} == {*SHAPES[kind].split()},
-        f"{what}: a shape '{kind}' of other keys",
-    )
+    keys = {*section} - ({"scale"} if kind == "mesh" else set())
+    need(keys == {*SHAPES[kind].split()}, f"{what}: a shape '{kind}' of other keys")
     if kind == "mesh":
         scale = section.get("scale", 1.0)  # one for all axes will do
         scale = values(scale if isinstance(scale, list) else [scale] * 3, 3, what)
         need(scale.min() > 0, f"{what}: scale: must be above 0")
-        return mesh_of(
-            folder / word(section["file"], what), scale, files, claimed, (what, None, named(what)), upright=True
-        )
+        body = what, None, named(what)
+        return mesh_of(folder / word(section["file"], what), scale, files, claimed, body, upright=True)
     if kind == "points":
         return hull([values(x, 3, what).tolist() for x in listing(section["points"], what)])
     sizes: dict[str, Any] = {x: one(y, what) for x, y in section.items() if x in ("radius", "length")}

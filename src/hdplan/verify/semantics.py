@@ -38,7 +38,7 @@ class Semantics:
 
     def __init__(self, data: bytes, above: dict[str, tuple[str, str]], links: list[str]) -> None:
         root = strict_xml(data)
-        need(root.tag == "robot", "SRDF: its root is no robot")
+        need(root.tag == "robot", "SRDF: its root must be a robot")
         children(root, "SRDF", "", " ".join({*WORDS} - {"link", "joint", "chain"}), HARMLESS)
         for each in [y for x in root if x.tag in WORDS for y in (x, *x)]:
             holds, words = WORDS[each.tag]
@@ -111,10 +111,8 @@ def moving(spec: dict[str, Any], tree: Tree, words: Semantics) -> tuple[list[str
     candidates = [x for x, (low, high) in rooms.items() if (low < high or x not in followed) and x not in words.passive]
     group = spec.get("group")
     if isinstance(group, list):
-        need(
-            {*group} <= {*candidates} - {*locked} and len({*group}) == len(group) > 0,
-            "robot.group: a joint cannot move",
-        )
+        free = {*candidates} - {*locked}
+        need({*group} <= free and len({*group}) == len(group) > 0, "robot.group: a joint cannot move")
         return [x for x in joints if x in group], None
     groups = {name: [x for x in candidates if x in own] for name, own in words.groups.items()}
     if group is not None:

@@ -17,14 +17,7 @@ CURVES = {
     "circle": f"by to frame turn rpy interim center {OF_CURVES}",
     "along": f"poses file frame {OF_CURVES}",
 }
-KINDS = {
-    "move": "",
-    **CURVES,
-    "grip": "joints object link mass",
-    "release": "joints object",
-    "set": "",
-    "wait": "",
-}
+KINDS = {"move": "", **CURVES, "grip": "joints object link mass", "release": "joints object", "set": "", "wait": ""}
 ARM = ("move", *CURVES)  # kinds that move the arm
 MOST_STAGES = 1000
 COLUMN = re.compile(r"\$(\$|[A-Za-z_][A-Za-z0-9_]*)?")  # of a table, in the texts of a repeated stage

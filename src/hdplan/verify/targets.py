@@ -34,7 +34,7 @@ class Targets:
         if isinstance(value, list):
             return [float(x) for x in values(value, len(joints.lead), what)]
         given = {x: scenes.one(y, f"{what}: '{x}'") for x, y in value.items()}
-        need({*given} <= {*joints.movable} or self.from_request, f"{what}: names a joint that is none")
+        need({*given} <= {*joints.movable} or self.from_request, f"{what}: names an unknown joint")
         for name, x in given.items():
             if name in joints.rules:
                 leader, factor, _ = joints.rules[name]
@@ -55,7 +55,7 @@ class Targets:
         if isinstance(named, list):
             return {"joints": values(named, len(joints.lead), end).tolist(), "others": {}}
         given = {x: scenes.one(y, f"{end}: '{x}'") for x, y in named.items()}
-        need({*given} <= {*joints.movable} or self.from_request, f"{end}: names a joint that is none")
+        need({*given} <= {*joints.movable} or self.from_request, f"{end}: names an unknown joint")
         need({*joints.lead} <= {*given}, f"{end}: names not every joint that moves")
         placed = joints.spec.get("locked") or {} if "state" in section else {}  # which says where they stand
         others = {x: y for x, y in given.items() if (x in joints.held or x in joints.rules) and x not in placed}
@@ -93,10 +93,8 @@ class Targets:
     def pose(self, value: Any) -> dict[str, Any]:
         """A goal pose."""
         section = scenes.pose_goal(value, "goal", self.end_effector)
-        need(
-            self.known(section["link"]),
-            f"goal: no link '{section['link']}', and nothing of this name is held and moves",
-        )
+        link = section["link"]
+        need(self.known(link), f"goal: no link '{link}', and nothing of this name is held and moves")
         return section
 
     def known(self, link: str) -> bool:
@@ -110,11 +108,8 @@ class Targets:
         if isinstance(joints, OtherRobot):
             raise NotClaimedError
         tree = joints.tree
-        moved = {
-            x: {joints.rules[y][0] if y in joints.rules else y for y in tree.way(x) if y in joints.moving}
-            for x in joints.moving
-        }
-        last = [x for x in joints.moving if moved[x] == lead]
+        ways = {x: [y for y in tree.way(x) if y in joints.moving] for x in joints.moving}
+        last = [x for x, way in ways.items() if {joints.rules.get(y, (y,))[0] for y in way} == lead]
         carrier = {link: joints.moving[at[0]] if at[0] >= 0 else None for link, at in joints.at.items()}
         hands = sorted({link for link in joints.semantics.hands if carrier.get(link) in last})
         if last and not hands:
@@ -134,11 +129,8 @@ class Targets:
         found = dict[str, list[float]]()
         for each in ends:
             section = {x: each[x] for x in ("joints", "state") if x in each}
-            if not section or any(
-                isinstance(x, (list, dict))
-                for x in section.get("joints", [])
-                if isinstance(section.get("joints"), list)
-            ):
+            values = section.get("joints", [])
+            if not section or (isinstance(values, list) and any(isinstance(x, (list, dict)) for x in values)):
                 continue
             for name, x in zip(self.joints.lead, self.target(section, "an end")["joints"], strict=True):
                 if name not in [rule[0] for rule in self.joints.rules.values()]:

@@ -200,7 +200,7 @@ def merged(parts: list[Any]) -> dict[str, Any]:
     if merges:
         more = own.pop("<<")
         for each in reversed(more if isinstance(more, list) else [more]):
-            need(isinstance(each, dict), "YAML: what is merged is no mapping")
+            need(isinstance(each, dict), "YAML: what is merged must be a mapping")
             found |= each
     return found | own
 

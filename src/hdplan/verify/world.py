@@ -100,7 +100,7 @@ def symmetric(six: Any) -> Any:
 def unit_vector(axis: Any, off: float, what: str) -> Ball:
     """A direction: one of another length would be nearer to others, or farther from them, than it is turned."""
     way = Ball(axis, off)
-    need(np.abs((way.mid * way.mid).sum() - 1) <= 8 * way.rad[0] + 1e-14, f"{what}: its axis is no unit vector")
+    need(np.abs((way.mid * way.mid).sum() - 1) <= 8 * way.rad[0] + 1e-14, f"{what}: its axis must be a unit vector")
     return way
 
 
@@ -118,7 +118,7 @@ def placed(entries: list[tuple[str, Any]], keys: str = "") -> list[tuple[Any, ..
     x, y, z = r.transpose(1, 2, 0)
     right = (x[1] * y[2] - x[2] * y[1]) * z[0] + (x[2] * y[0] - x[0] * y[2]) * z[1] + (x[0] * y[1] - x[1] * y[0]) * z[2]
     good = even.all(axis=(1, 2)) & (right > 0)
-    need(good.all(), f"{entries[int(np.argmin(good))][0]}: is no rotation")
+    need(good.all(), f"{entries[int(np.argmin(good))][0]}: must be a rotation")
     poses = ((Ball(r[i], rad[i]), Ball(at[i], rad[i, 0])) for i in range(len(found)))
     return [(*x[:-3], pose) for x, pose in zip(found, poses, strict=True)]
 

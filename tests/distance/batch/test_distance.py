@@ -19,8 +19,9 @@ from hdplan.distance.normals import RUNGS
 from hdplan.distance.numpy_reference.hdsdf import hdsdf, hdsdf_derivatives, separation
 from hdplan.scenes.errors import InputError
 from tests.distance.hard_cases import HARD
+from tests.extras import jax, needs
 
-jax = pytest.importorskip("jax")
+pytestmark = needs("jax")
 
 BOX, CAPSULE = ConvexBody.box([1.0, 0.6, 0.4]), ConvexBody.capsule(0.15, 0.8)
 POINT = ConvexBody.from_points([[0.1, 0.0, 0.0]])
@@ -298,7 +299,7 @@ def _at_rest(shift):
     ("allowed", "bodies", "whole"),
     [
         pytest.param(False, (POINT, POINT), None, id="float32 alone, to the first derivative"),
-        pytest.param(False, (POINT, POINT), jax.jit, id="float32 alone", marks=pytest.mark.slow),
+        pytest.param(False, (POINT, POINT), lambda f: jax.jit(f), id="float32 alone", marks=pytest.mark.slow),
         pytest.param(False, (BOX, CAPSULE), lambda f: f, id="float32 alone, without jit", marks=pytest.mark.slow),
         pytest.param(True, (BOX, CAPSULE), lambda f: f, id="float64 allowed, without jit", marks=pytest.mark.slow),
     ],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import Any
 
 import numpy as np
@@ -10,11 +9,12 @@ import pytest
 
 from hdplan.distance.holder import holder_maximum, holder_minimum, shaping
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.lazy_imports import LazyModule
+from tests.extras import jax, needs, quick_jit
 
-jax: Any = pytest.importorskip("jax")
-halfspaces: Any = pytest.importorskip("hdplan.distance.batch.halfspaces")
+halfspaces: Any = LazyModule("hdplan.distance.batch.halfspaces")
+pytestmark = needs("jax")
 
-quick = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})  # to compile, not to run
 LENGTH = 1e-3
 PLACES = (1.5, 0.3, 0.05, 1e-4, 0.0)  # [m] of the body beside, in and deep in the planes
 
@@ -52,7 +52,7 @@ def test_value_and_slope_are_the_definitions_however_many_at_once(gamma: int, x6
         return values.sum(), values
 
     with jax.enable_x64(x64):
-        slope, found = map(np.array, quick(jax.grad(total, has_aux=True))(points, *pairs))
+        slope, found = map(np.array, quick_jit(jax.grad(total, has_aux=True))(points, *pairs))
     expected = defined(points, drawn, gamma)
     np.testing.assert_allclose(found, expected, rtol=1e-12 if x64 else 1e-4, atol=0 if x64 else 1e-6)
     assert ((found > 0) == (expected > 0)).all()
@@ -77,7 +77,7 @@ def test_second_derivatives_are_the_slopes_of_the_first_where_vertices_tie_too()
     rng = np.random.default_rng(1)
     with jax.enable_x64(True):
         slopes = jax.grad(of, argnums=(0, 1, 2))
-        both = quick(lambda at, way: jax.jvp(slopes, at, way))
+        both = quick_jit(lambda at, way: jax.jvp(slopes, at, way))
         for points in several[[0, 2]]:
             points[1] = points[2]
             at = points, *rest

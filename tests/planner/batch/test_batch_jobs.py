@@ -11,6 +11,7 @@ import pyarrow.parquet
 import pytest
 
 import hdplan
+from hdplan import InputError, StageMark, Trajectory
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.journal import Journal
 from hdplan.planner.batch.lerobot import samples_of, write_lerobot
@@ -18,8 +19,6 @@ from hdplan.planner.batch.outcome import Options, Outcome, solve
 from hdplan.planner.batch.run import _does
 from hdplan.planner.batch.sample import sample
 from hdplan.planner.batch.tables import MOTIONS, write_tables
-from hdplan.planner.motion.trajectory import StageMark, Trajectory
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.variants import load_variant
 
 FINGER = "panda_finger_joint1"

@@ -10,11 +10,9 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
+from hdplan import InputError, Outcome, Trajectory
 from hdplan.planner.batch import lerobot
 from hdplan.planner.batch.lerobot import samples_of, write_lerobot
-from hdplan.planner.batch.outcome import Outcome
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.scenes.errors import InputError
 
 FPS = 25
 
@@ -107,7 +105,7 @@ def test_statistics_are_those_of_all_samples(tmp_path: Path) -> None:
     assert episodes[1]["stats/index/min"] == [episodes[1]["dataset_from_index"]]
 
 
-def test_what_cannot_be_exported_is_refused_and_the_last_one_stays(tmp_path: Path) -> None:
+def test_motions_that_cannot_be_exported_are_refused_and_the_last_data_set_stays(tmp_path: Path) -> None:
     folder = tmp_path / "set"
     write_lerobot(folder, outcomes_of(motion(1, 1.0)), FPS)
     before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}

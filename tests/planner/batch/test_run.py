@@ -23,6 +23,7 @@ import pyarrow.parquet
 import pytest
 
 import hdplan
+from hdplan import InputError, Trajectory
 from hdplan.planner.batch import run
 from hdplan.planner.batch.files import place_of
 from hdplan.planner.batch.job import Job
@@ -31,8 +32,6 @@ from hdplan.planner.batch.outcome import Options, Outcome, solve
 from hdplan.planner.batch.sources import jobs_of
 from hdplan.planner.batch.tables import COLUMNS, OF_MOTIONS, read_rows, row_of, write_tables
 from hdplan.planner.commands import batch
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.writer import scene_text
 from hdplan.verify import verify
 from tests.commands import Command, in_process
@@ -212,7 +211,7 @@ def test_a_diagnosis_is_part_of_the_row(run_here: Callable[..., bool]) -> None:
 
 
 def test_a_row_that_the_clock_ended_says_so() -> None:
-    """So that rows which differ between two runs say why."""
+    """Rows that differ between two runs say why."""
     wall = hdplan.Obstacle("wall", hdplan.Box([2.4, 0.05, 0.5]), hdplan.Pose([1.4, 0.0, 0.1]))
     blocked = dataclasses.replace(ARM, obstacles=(wall,))
     cases = [(ARM, 30.0), (ARM.with_goal([0.06, 0.0]), 30.0), (blocked, 1e-9), (blocked, 2.0)]

@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 import yaml
 
+from hdplan import InputError, PoseTarget, check_configuration, load_robot, load_scene
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.sample import sample
 from hdplan.planner.batch.sources import jobs_of
-from hdplan.planner.certificate.certifier import check_configuration
-from hdplan.planner.robot.loading import load_robot
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.targets import PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 from tests.commands import in_process
 
 ARM = Path("planar_arm")
@@ -83,7 +79,7 @@ def test_bad_values_are_refused(values: dict[str, Any], words: list[str]) -> Non
     assert "\n" not in str(caught.value)
 
 
-def test_where_nothing_is_free_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_world_without_free_configurations_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     content = yaml.safe_load(Path(load_scene(ARM).source).read_text())
     folder = Path(load_scene(ARM).source).parent
     content["robot"] = {"urdf": str(folder / "planar_arm.urdf"), "srdf": str(folder / "planar_arm.srdf")}

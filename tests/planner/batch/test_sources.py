@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan import InputError, load_scene
 from hdplan.planner.batch.job import Job, seed_of
 from hdplan.planner.batch.sources import jobs_of
 from hdplan.planner.batch.tables import table_bytes
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.scenes.yaml_format.writer import scene_text
 
 HEAD = "name,group,seed,start.joints.shoulder,start.joints.elbow,goal.joints.shoulder,goal.joints.elbow"

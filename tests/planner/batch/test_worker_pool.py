@@ -13,7 +13,6 @@ import threading
 from pathlib import Path
 from typing import Any
 
-import dask
 import numpy as np
 import psutil
 import pytest
@@ -21,7 +20,6 @@ import pytest
 import hdplan
 from hdplan.distance.compiled.cache import write_whole
 from hdplan.planner.batch import many, outcome as outcome_module, worker_pool as crew_module
-from hdplan.planner.batch.caches import packed
 from hdplan.planner.batch.cluster_file import ClusterFile
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.outcome import Options, Outcome, solve
@@ -99,7 +97,9 @@ def test_plan_many_tells_how_far_it_has_come(two_workers: Any, monkeypatch: pyte
 
 
 def test_workers_keep_no_samples_of_themselves(two_workers: Any) -> None:
-    """By default dask's profiler takes a quarter of a megabyte each second, for hours."""
+    """Dask's profiler takes by default a quarter of a megabyte each second, for hours."""
+    import dask
+
     assert set(two_workers.run(dask.config.get, "distributed.worker.profile.enabled").values()) == {False}
 
 
@@ -257,6 +257,8 @@ def test_a_scheduler_that_goes_away_is_one_line(tmp_path: Path) -> None:
 
 
 def test_data_travel_to_workers_and_code_does_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from hdplan.planner.batch.caches import packed
+
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "driver"))
     for name in ("compiled/f-0.so", "link_bodies/k.json", "robots/k.json"):
         assert write_whole(tmp_path / "driver" / name, b"{}")

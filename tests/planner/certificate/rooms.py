@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 import hdplan
+from hdplan import Scene
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.infeasibility import looks
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.scene import Scene
 
 from ..urdf import joint_text, link_text, write_robot
 

@@ -10,28 +10,18 @@ import pinocchio as pin
 import pytest
 import trimesh
 
+import hdplan
+from hdplan import Attached, Box, Cloud, Obstacle, Pose, Robot, RobotSpec, Scene, Timing, Trajectory, load_robot
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.cloud_pieces import moving_pieces, standing_pieces
 from hdplan.planner.certificate.exact_proximity import Piece, hull_piece, link_pieces
 from hdplan.planner.certificate.part_distance import closest_parts, distance
 from hdplan.planner.certificate.solids import obstacle_bodies
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Attached
-from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box
-from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.timing import Timing
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -50,9 +40,8 @@ def cloud_around(rng: np.random.Generator, count: int) -> Array:
 
 
 def scene_of(robot: str | RobotSpec, obstacle: Obstacle, start: Array, goal: Array, **more: object) -> Scene:
-    ends = JointTarget("start", tuple(start.tolist())), JointTarget("goal", tuple(goal.tolist()))
-    given = {"self_collision": SelfCollision(checked=False), **more}
-    return Scene("cloud", Path("cloud.yaml"), robot, (obstacle,), *ends, **given)
+    given = {"self_collision": hdplan.SelfCollision(checked=False), **more}
+    return Scene(robot=robot, obstacles=[obstacle], start=start, goal=goal, **given)
 
 
 def least(robot: Robot, obstacle: Obstacle, trajectory: Trajectory, samples: int) -> float:
@@ -103,7 +92,6 @@ def test_the_proof_is_never_above_the_least_distance_to_any_ball_and_close_to_it
         assert truth > 0.0
         assert found.clearance <= truth + 1e-6
         assert found.clearance >= truth - max(1e-3, 0.06 * truth)
-        assert found.worst is not None
         assert found.worst.distance == pytest.approx(truth, abs=max(2e-3, 0.05 * truth))
     else:
         assert truth < 1e-3
@@ -145,7 +133,7 @@ def test_a_moving_cloud_and_a_held_object() -> None:
     patch = rng.uniform(-0.1, 0.1, size=(200, 3)) * [1.0, 1.0, 0.05]
     statuses = set()
     for height in (0.2, 0.5):
-        moves = SteadyMotion((-0.1, 0.05, 0.02), (0.2, 0.1, 0.3))
+        moves = hdplan.SteadyMotion((-0.1, 0.05, 0.02), (0.2, 0.1, 0.3))
         obstacle = Obstacle("view", Cloud(patch, 0.005), Pose((0.6, 0.0, height)), motion=moves)
         scene = scene_of("panda", obstacle, start, goal, attached=(held,), timing=Timing(duration=2.0))
         setup = Setup.of(scene)
@@ -273,7 +261,6 @@ def test_groups_of_cells_settle_nothing_that_is_not_settled_alone(monkeypatch: p
         statuses.add(found.status)
         assert found.status is alone.status
         if found.clearance is not None:
-            assert alone.clearance is not None
             assert found.clearance == pytest.approx(alone.clearance, rel=0.1, abs=1e-3)
             truth = least(robot, scene.obstacles[0], motion, 100)
             assert found.clearance <= truth + 1e-6

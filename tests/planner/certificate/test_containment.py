@@ -6,7 +6,6 @@ the certificate.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,23 +16,16 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
+from hdplan import Attached, Mesh, Obstacle, Pose, RobotSpec, Scene, Sphere, SteadyMotion, Trajectory
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.exact_proximity import link_pieces, mesh_pieces
 from hdplan.planner.certificate.part_distance import distance
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.solids import Solid
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Attached
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Mesh, Shape, Sphere
-from hdplan.scenes.targets import JointTarget
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -52,10 +44,9 @@ class Star:
         """Where each point (k, 3) is, as a share of the outermost wall in its direction: by the one triangle that a ray
         from the origin meets."""
         shares = np.empty(len(points))
+        corners = self.vertices[self.faces].transpose(0, 2, 1)
         for row, point in enumerate(points):
-            weights = np.linalg.solve(
-                self.vertices[self.faces].transpose(0, 2, 1), np.tile(point, (len(self.faces), 1))[..., None]
-            )[..., 0]
+            weights = np.linalg.solve(corners, np.tile(point, (len(corners), 1))[..., None])[..., 0]
             shares[row] = weights[np.all(weights >= -1e-9, axis=1)].sum(axis=1).max()
         return shares
 
@@ -142,27 +133,27 @@ def test_a_rigid_move_changes_nothing_and_open_meshes_count_from_half() -> None:
     assert not Solid(bowl).holds(np.array([0.0, 0.0, 0.9]))
 
 
+def two_cubes(apart: tuple[float, ...], inverted: bool) -> Solid:
+    """A cube and its copy, moved so far, and maybe inside out."""
+    one, other = trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1))
+    other.apply_translation(apart)
+    if inverted:
+        other.invert()
+    both = trimesh.util.concatenate([one, other])
+    return Solid(TriangleMesh.merged(both.vertices, both.faces))
+
+
 def test_two_that_overlap_do_not_cancel_where_one_is_inside_out() -> None:
-    a, b = trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1))
-    b.apply_translation([0.5, 0.2, 0.1])
-    b.invert()
-    both = trimesh.util.concatenate([a, b])
-    solid = Solid(TriangleMesh.merged(both.vertices, both.faces))
-    assert solid.holds(np.array([0.25, 0.1, 0.05]))  # the winding number of all is 0 here
-    assert solid.holds(np.array([-0.4, 0.0, 0.0]))
-    assert solid.holds(np.array([0.9, 0.2, 0.1]))
-    assert not solid.holds(np.array([0.0, 0.6, 0.0]))
+    points = [0.25, 0.1, 0.05], [-0.4, 0.0, 0.0], [0.9, 0.2, 0.1], [0.0, 0.6, 0.0]  # at the first all wind 0 times
+    solid = two_cubes((0.5, 0.2, 0.1), inverted=True)
+    assert [solid.holds(np.array(point)) for point in points] == [True, True, True, False]
 
 
 def test_cubes_that_share_an_edge_are_closed() -> None:
-    a, b = trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1))
-    b.apply_translation([1.0, 1.0, 0.0])
-    both = trimesh.util.concatenate([a, b])
-    solid = Solid(TriangleMesh.merged(both.vertices, both.faces))
+    solid = two_cubes((1.0, 1.0, 0.0), inverted=False)
     assert not solid.open
-    assert solid.holds(np.array([0.1, 0.2, 0.3]))
-    assert solid.holds(np.array([1.1, 1.2, 0.3]))
-    assert not solid.holds(np.array([0.1, 1.2, 0.3]))
+    points = [0.1, 0.2, 0.3], [1.1, 1.2, 0.3], [0.1, 1.2, 0.3]
+    assert [solid.holds(np.array(point)) for point in points] == [True, True, False]
 
 
 # --- in every role ----------------------------------------------------------------------------------
@@ -203,16 +194,13 @@ def scene_with(role: str, outer: Path, radius: float, at: Array, drift: Array, e
     hand: dict[str, Any] = {"mesh": outer} if first == "link" else ball if role == "obstacle, link" else {}
     arm = ball if role in ("link, link", "held, link") else {}
     urdf = write_arm(folder / f"{role.replace(', ', '_')}.urdf", link_text("arm", **arm), link_text("hand", **hand))
-    shapes: dict[str, tuple[Shape, Pose]] = {
-        first: (Mesh(outer), Pose()),
-        second: (Sphere(radius), Pose(tuple(at.tolist()))),
-    }
-    attached = tuple(Attached("held", "hand", *shapes["held"]) for _ in (0,) if "held" in shapes)
+    shapes = {first: (Mesh(outer), Pose()), second: (Sphere(radius), Pose(at))}
+    attached = [Attached("held", "hand", *shapes["held"])] if "held" in shapes else []
     obstacles = [Obstacle("thing", *shapes["obstacle"])] if "obstacle" in shapes else []
     if "mover" in shapes:
-        obstacles.append(Obstacle("mover", *shapes["mover"], motion=SteadyMotion(tuple(drift.tolist()))))
-    start, goal = (JointTarget(f, tuple(q.tolist())) for f, q in zip(("start", "goal"), ends, strict=True))
-    return Scene("roles", folder / "s.yaml", RobotSpec(urdf=urdf), tuple(obstacles), start, goal, attached=attached)
+        obstacles.append(Obstacle("mover", *shapes["mover"], motion=SteadyMotion(drift)))
+    around = {"obstacles": obstacles, "attached": attached}
+    return Scene(robot=RobotSpec(urdf=urdf), start=ends[0], goal=ends[1], **around)
 
 
 def in_the_solid(role: str, at: Array, drift: Array, q: Array, seconds: float) -> Array:
@@ -272,16 +260,12 @@ def test_no_ball_in_the_material_is_free_in_any_role(role: str, tmp_path: Path) 
 def test_an_obstacle_is_distinguished_from_its_twin_in_the_robot(tmp_path: Path) -> None:
     """It has the name, the mesh and, at first, the place of a link; later it is around another link."""
     body = to_file(star(np.random.default_rng(0), 1.0, spikes=0.3).mesh(), tmp_path / "body.stl")
-    urdf = write_robot(
-        tmp_path / "arm.urdf",
-        link_text("base", mesh=body),
-        link_text("hand", sphere=0.05),
-        joint_text("slide", "base", "hand", "1 0 0", kind="prismatic", at="3 0 0", effort=10),
-    )
-    ends, robot = (JointTarget("start", (0.0,)), JointTarget("goal", (0.1,))), RobotSpec(urdf=urdf)
+    slide = joint_text("slide", "base", "hand", "1 0 0", kind="prismatic", at="3 0 0")
+    links = link_text("base", mesh=body), link_text("hand", sphere=0.05)
+    robot = RobotSpec(urdf=write_robot(tmp_path / "arm.urdf", *links, slide))
     for name in ("base", "other"):
         mover = Obstacle(name, Mesh(body), motion=SteadyMotion((1.0, 0.0, 0.0)))
-        certifier = Certifier(Setup.of(Scene("twins", tmp_path / "s.yaml", robot, (mover,), *ends)))
+        certifier = Certifier(Setup.of(Scene(robot=robot, obstacles=[mover], start=[0.0], goal=[0.1])))
         assert not certifier.is_clear([0.0], 0.0, time=3.0)
         assert certifier.is_clear([0.0], 0.0, time=6.0)
 
@@ -322,20 +306,11 @@ def test_a_solid_within_a_solid(outer: str, tmp_path: Path) -> None:
     for name, around, within, free in cases:
         for mesh, file in ((around, "around.stl"), (within, "within.stl")):
             to_file(mesh, tmp_path / file)
-        write_arm(tmp_path / "arm.urdf")
+        robot = RobotSpec(urdf=write_arm(tmp_path / "arm.urdf"))
         files = ("within.stl", "around.stl") if outer == "obstacle" else ("around.stl", "within.stl")
         held, standing = (Mesh(tmp_path / file) for file in files)
-        start, goal = JointTarget("start", (0.0, 0.0, 0.0)), JointTarget("goal", (0.3, 0.1, 0.05))
-        scene = Scene(
-            name,
-            tmp_path / "s.yaml",
-            RobotSpec(urdf=tmp_path / "arm.urdf"),
-            (Obstacle("standing", standing),),
-            start,
-            goal,
-            attached=(Attached("held", "hand", held),),
-        )
-        ends = np.array([start.positions, goal.positions])
+        attached, ends = [Attached("held", "hand", held)], np.array([[0.0, 0.0, 0.0], [0.3, 0.1, 0.05]])
+        scene = Scene(robot=robot, obstacles=[standing], attached=attached, start=ends[0], goal=ends[1])
         verdict = certify(scene, Trajectory(("turn", "lift", "nod"), ends))
         assert verdict.certified is free, (name, verdict.text)
 
@@ -346,17 +321,9 @@ def test_a_robot_in_a_room_of_one_mesh_is_free(tmp_path: Path) -> None:
     for name, mesh, free in (("hollow", [wall, room], True), ("solid", [wall], False), ("bare", [room], False)):
         torus = trimesh.creation.torus(6.0, 0.1, major_sections=8, minor_sections=4)
         trimesh.util.concatenate([*mesh, torus]).export(tmp_path / f"{name}.stl")
-        scene = Scene(
-            "room",
-            tmp_path / "s.yaml",
-            RobotSpec(name="panda"),
-            (Obstacle("room", Mesh(tmp_path / f"{name}.stl")),),
-            JointTarget("start", (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)),
-            JointTarget("goal", (0.2, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)),
-        )
-        robot = load_scene_robot(scene)
-        ends = np.array([scene.start.positions, [0.2, *(scene.start.positions or ())[1:]]])
-        verdict = certify(scene, Trajectory(robot.joint_names, ends), robot)
+        ends = np.array([[turn, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785] for turn in (0.0, 0.2)])
+        scene = Scene(robot="panda", obstacles=[Mesh(tmp_path / f"{name}.stl")], start=ends[0], goal=ends[1])
+        verdict = certify(scene, Trajectory(load_scene_robot(scene).joint_names, ends))
         assert verdict.certified is free, (name, verdict.text)
 
 
@@ -368,17 +335,9 @@ def test_a_body_that_comes_in_by_the_hole_of_an_open_mesh_is_met_at_the_next_way
     bottle.export(tmp_path / "bottle.stl")
     slide = joint_text("along", "base", "tip", "1 0 0", kind="prismatic")
     urdf = write_robot(tmp_path / "slide.urdf", link_text("base"), link_text("tip", sphere=0.02), slide)
-    scene: Callable[[float], Scene] = lambda end: Scene(  # noqa: E731
-        "bottle",
-        tmp_path / "s.yaml",
-        RobotSpec(urdf=urdf),
-        (Obstacle("bottle", Mesh(tmp_path / "bottle.stl")),),
-        JointTarget("start", (0.8,)),
-        JointTarget("goal", (end,)),
-    )
-    robot = load_scene_robot(scene(0.0))
-    for rows in ([[0.8], [0.0]], [[0.8], [0.0], [0.8]]):
-        verdict = certify(scene(rows[-1][0]), Trajectory(robot.joint_names, np.array(rows)), robot)
-        assert verdict.status is Status.IN_CONTACT
-        assert verdict.failures[0].parameter == pytest.approx(1.0 if len(rows) == 2 else 0.5)
-    assert certify(scene(0.6), Trajectory(robot.joint_names, np.array([[0.8], [0.6]])), robot).certified
+    around = {"robot": RobotSpec(urdf=urdf), "obstacles": [Mesh(tmp_path / "bottle.stl")]}
+    for rows, met in (([0.8, 0.0], 1.0), ([0.8, 0.0, 0.8], 0.5), ([0.8, 0.6], None)):
+        scene = Scene(start=rows[:1], goal=rows[-1:], **around)
+        verdict = certify(scene, Trajectory(("along",), np.array(rows)[:, None]))
+        assert verdict.status is (Status.CERTIFIED if met is None else Status.IN_CONTACT)
+        assert met is None or verdict.failures[0].parameter == pytest.approx(met)

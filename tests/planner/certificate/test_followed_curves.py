@@ -10,19 +10,17 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 import hdplan
+from hdplan import InputError, PlanarBase, Trajectory
 from hdplan.planner.certificate import pose_curve, tool_rates
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.followed_curve import OnCurve, TurnedAlong
-from hdplan.planner.certificate.path_bounds import Part
 from hdplan.planner.certificate.path_check import PathCheck
+from hdplan.planner.certificate.path_parts import Part
 from hdplan.planner.certificate.pose_curve import PoseCurve
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.robot_spec import PlanarBase
 from tests.loops import in_numpy, needs_loops
 
 LIMITS = hdplan.Limits(velocity=50.0, acceleration=1e5)

@@ -12,6 +12,7 @@ import pytest
 from scipy import ndimage
 
 import hdplan
+from hdplan import Scene
 from hdplan.planner.causes import CAUSES, cause_of_refusal
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.exact_proximity import mesh_pieces
@@ -21,7 +22,6 @@ from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.infeasible import InfeasibilityCheck
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 from tests.planner.certificate.rooms import RADIUS, SPAN, crated, proven, sliders
 
@@ -39,9 +39,7 @@ def urdf(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def swapped(scene: Scene) -> Scene:
     return dataclasses.replace(
-        scene,
-        start=dataclasses.replace(scene.goal, field="start"),
-        goal=dataclasses.replace(scene.start, field="goal"),
+        scene, start=dataclasses.replace(scene.goal, field="start"), goal=dataclasses.replace(scene.start, field="goal")
     )
 
 

@@ -10,18 +10,15 @@ import weakref
 import numpy as np
 import pytest
 
+import hdplan
+from hdplan import Box, Capsule, Cylinder, Ellipsoid, Obstacle, Pose, Sphere, SteadyMotion, TimedPoses, load_scene
 from hdplan.planner.certificate import interval_bounds
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Intervals
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphere
-from hdplan.scenes.yaml_format.reader import load_scene
 from tests.loops import in_numpy
 
 SAME = 1e-13  # [m] sums of three products, in another order
@@ -76,12 +73,7 @@ def exact(certifier: Certifier, curve: Curve) -> np.ndarray:
     for k in range(len(curve) - 1):
         for share in np.linspace(0, 1, LOOKS):
             here = Intervals.of(
-                sweep.bodies,
-                curve,
-                sweep.bodies.reach(curve),
-                np.full(1, k),
-                np.full(1, share),
-                np.zeros(1),
+                sweep.bodies, curve, sweep.bodies.reach(curve), np.full(1, k), np.full(1, share), np.zeros(1)
             )
             bounds = Bounds(sweep.bodies, sweep.pairs)
             items = Items.all(1, np.arange(len(sweep.pairs.a)))
@@ -184,9 +176,11 @@ def test_point_clouds_are_not_kept_once_their_scene_is_gone() -> None:
     scene, rng = load_scene("empty"), np.random.default_rng(4)
     robot, gone = load_scene_robot(scene), []
     for _ in range(3):
-        cloud = Obstacle("cloud", Points(tuple(map(tuple, rng.normal(size=(30, 3)).tolist()))), Pose((2.0, 0.0, 2.0)))
+        cloud = Obstacle(
+            "cloud", hdplan.Points(tuple(map(tuple, rng.normal(size=(30, 3)).tolist()))), Pose((2.0, 0.0, 2.0))
+        )
         certifier = Certifier(Setup.of(dataclasses.replace(scene, obstacles=(cloud,)), robot))
-        certifier.certify(Trajectory(robot.joint_names, np.zeros((2, robot.n))), check_ends=False)
+        certifier.certify(hdplan.Trajectory(robot.joint_names, np.zeros((2, robot.n))), check_ends=False)
         gone.append(weakref.ref(certifier.sweep.bodies.pieces[-1]))
         del certifier
     gc.collect()

@@ -7,15 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from hdplan import Box, Obstacle, Pose, SteadyMotion, Timing, load_scene
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.self_pairs import NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.shapes import Box
-from hdplan.scenes.timing import Timing
-from hdplan.scenes.yaml_format.reader import load_scene
 
 SCENES = ["panda_corridor", "ur5_table", "empty"]
 
@@ -34,7 +30,6 @@ def test_nearest_is_the_least_of_all_pairs(name: str) -> None:
             if not hulls:
                 assert place is None
                 continue
-            assert place is not None
             least = min(spot.distance for spot in hulls)
             assert place.distance >= least  # a surface is no closer than its hull
             solid = [spot.distance for spot in hulls if not hollow[spot.pair] or spot.touching]
@@ -84,6 +79,4 @@ def test_pairs_that_never_touch_count_in_what_is_claimed() -> None:
     assert named[0] == named[1]
     q = setup.query.start
     one, other = (each.nearest(q)[1] for each in (whole, fewer))
-    assert one is not None
-    assert other is not None
     assert one.distance == other.distance

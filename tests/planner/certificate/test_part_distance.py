@@ -18,25 +18,16 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from hdplan import Attached, Mesh, Obstacle, Pose, RobotSpec, Scene, SteadyMotion, Timing, Trajectory, certify
 from hdplan.planner.certificate import parts_loop
-from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.certificate.exact_proximity import Piece, Surface, box_piece, hull_piece
 from hdplan.planner.certificate.part_distance import Placed, closest_parts, distance, part_distance
 from hdplan.planner.certificate.parts import Parts
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.solids import Solid
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Attached
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Mesh
-from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.timing import Timing
 from tests.loops import in_numpy
 
 from ..urdf import joint_text, link_text, write_robot
@@ -328,8 +319,8 @@ def test_a_hanging_arm_with_a_hollow_hand_and_object_beside_a_moving_ring(tmp_pa
         moves = SteadyMotion((0.05, -0.03, 0.02), (0.3, 0.1, 0.2))
         ring = Obstacle("ring", Mesh(tmp_path / "torus.stl"), Pose((0.4, 0.1, z)), motion=moves)
         ends = np.array([[-0.4, 0.1], [0.5, -0.3]])
-        goals = (JointTarget(name, tuple(q.tolist())) for name, q in zip(("start", "goal"), ends, strict=True))
-        scene = Scene("ring", tmp_path / "s.yaml", spec, (ring,), *goals, attached=(held,), timing=Timing(duration=2.0))
+        around = {"obstacles": [ring], "attached": [held], "timing": Timing(duration=2.0)}
+        scene = Scene(robot=spec, start=ends[0], goal=ends[1], **around)
         motion = Trajectory(("turn", "lift"), np.linspace(*ends, 9), times=times)
         found, truth = certify(scene, motion, check_ends=False, required=0.0), np.inf
         for share in np.linspace(0.0, 1.0, 17):

@@ -11,22 +11,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hdplan import PathConstraints, Pose, Robot, RobotSpec, Scene, Trajectory, Upright, Within, load_robot, load_scene
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.path_check import TOLERANCE_SLACK, Kept, PathCheck, PathProof
 from hdplan.planner.certificate.verdict import Certificate, Status, at_most
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -57,8 +49,7 @@ def spec_of(name: str, folder: Path, base: Pose) -> RobotSpec:
 
 def scene_of(spec: RobotSpec, *constraints: Upright | Within) -> Scene:
     given = {"upright" if isinstance(each, Upright) else "position": each for each in constraints}
-    ends = (JointTarget("start", state="default"), JointTarget("goal", state="default"))
-    return Scene("test", Path("test.yaml"), spec, (), *ends, path=PathConstraints(**given))
+    return Scene(robot=spec, start="default", goal="default", path=PathConstraints(**given))
 
 
 def proof_of(robot: Robot, scene: Scene, curve: Curve) -> PathProof:

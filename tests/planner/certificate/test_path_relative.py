@@ -13,19 +13,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hdplan import InputError, PathConstraints, Relative, Robot, RobotSpec, Scene, Trajectory, load_robot
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.path_constraints import PathConstraints, Relative
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 
 from ..urdf import joint_text, link_text, write_robot
 from .test_path_check import is_broken, proof_of
@@ -98,11 +92,9 @@ def random_curve(rng: np.random.Generator, robot: Robot, kind: int) -> Curve:
     steps = rng.normal(size=(rows, robot.n)).cumsum(axis=0) * [0.01, 0.1, 0.6][kind % 3]
     at = rng.uniform(low, high) + steps if kind < 6 else rng.uniform(low, high, size=(rows, robot.n))
     times, (speeds, rates) = np.cumsum(rng.uniform(0.1, 1.0, rows)), rng.normal(size=(2, rows, robot.n)) * 0.1
-    return (
-        Curve.through(at),
-        Curve.through(at, times, speeds),
-        Curve.through(at, times, speeds, 3 * rates),
-    )[kind % 3 if kind < 3 else int(rng.integers(3))]
+    return (Curve.through(at), Curve.through(at, times, speeds), Curve.through(at, times, speeds, 3 * rates))[
+        kind % 3 if kind < 3 else int(rng.integers(3))
+    ]
 
 
 @pytest.mark.sampled(5)

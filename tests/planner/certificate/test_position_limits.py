@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.interpolate import BPoly
 
-from hdplan.planner.certificate.certifier import certify
+from hdplan import Limits, Scene, Trajectory, certify, load_robot
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import beyond_limits
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import JointTarget
 
 PANDA = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571)
 
@@ -28,7 +21,7 @@ PANDA = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571)
 @pytest.mark.parametrize("held", [1, 2, 3])
 def test_a_motion_is_beyond_where_a_dense_look_finds_it_beyond(held: int) -> None:
     """Judged by SciPy's polynomials; limits lie closely around what the motion does, or cut off its peak a little."""
-    robot, rng = load_robot(RobotSpec(name="panda")), np.random.default_rng(held)
+    robot, rng = load_robot("panda"), np.random.default_rng(held)
     verdicts = {True: 0, False: 0}
     for trial in range(40):
         times = np.cumsum(rng.uniform(0.1, 2.0, 4))
@@ -55,7 +48,7 @@ def test_a_motion_is_beyond_where_a_dense_look_finds_it_beyond(held: int) -> Non
 
 
 def test_a_curve_that_ends_on_its_limit_or_touches_it_is_within() -> None:
-    robot = load_robot(RobotSpec(name="panda"))
+    robot = load_robot("panda")
     low, high = robot.lower, robot.upper
     rest = np.zeros((2, 7))
     there = Curve.through(np.stack([low, high]), np.array([0.0, 2.0]), rest, rest)
@@ -73,11 +66,10 @@ def test_a_curve_that_ends_on_its_limit_or_touches_it_is_within() -> None:
 @pytest.mark.parametrize("row", [0, 1, 2])
 def test_no_end_of_a_scene_lies_beyond_a_limit(row: int, beyond: float) -> None:
     ends = np.array([[*PANDA, 0.2], [*PANDA, 0.1], [*PANDA, 0.3]])
-    targets = (JointTarget(f, tuple(q.tolist())) for f, q in (("start", ends[0]), ("goal", ends[2])))
     limits = Limits(position={"panda_joint7": (-0.5, float(ends[row, 6]) - beyond) if row == 2 else (-0.5, 0.3)})
     if row < 2:
         limits = Limits(position={"panda_joint7": (float(ends[row, 6]) + beyond, 0.5)})
-    scene = Scene("ends", Path("s.yaml"), RobotSpec(name="panda"), (), *targets, limits=limits)
+    scene = Scene(robot="panda", start=ends[0], goal=ends[2], limits=limits)
     robot = load_scene_robot(scene)
     verdict = certify(scene, Trajectory(robot.joint_names, ends), robot, check_ends=False)
     assert verdict.status is Status.OUTSIDE_LIMITS
@@ -87,18 +79,10 @@ def test_no_end_of_a_scene_lies_beyond_a_limit(row: int, beyond: float) -> None:
 
 def test_the_limits_of_a_request_reach_to_its_own_ends_and_no_farther() -> None:
     """MoveIt's requests are rounded: a start 0.4 mrad beyond a limit is allowed, and nothing beyond it."""
-    names = load_robot(RobotSpec(name="panda")).joint_names
-    high = float(load_robot(RobotSpec(name="panda")).upper[6])
+    names = load_robot("panda").joint_names
+    high = float(load_robot("panda").upper[6])
     named = [dict(zip(names, (*PANDA, value), strict=True)) for value in (high + 4e-4, high - 0.1)]
-    scene = Scene(
-        "request",
-        Path("s.yaml"),
-        RobotSpec(name="panda"),
-        (),
-        JointTarget("start", by_name=named[0]),
-        JointTarget("goal", by_name=named[1]),
-        from_request=True,
-    )
+    scene = Scene(robot="panda", start=named[0], goal=named[1], from_request=True)
     robot = load_scene_robot(scene)
     assert robot.upper[6] == high + 4e-4
     assert any("panda_joint7" in note and "widened" in note for note in robot.notes)

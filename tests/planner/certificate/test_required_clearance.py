@@ -7,16 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
+from hdplan import Scene, Trajectory, load_scene, plan
 from hdplan.planner.certificate.certifier import ENDS_KEEP, Certifier, certify
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.plot import Subject
-from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.yaml_format.reader import load_scene
 
 ROUNDING = 1e-9  # [m]
 
@@ -85,7 +82,6 @@ def test_less_than_required_is_too_close_and_both_numbers_are_reported() -> None
     scene = load_scene("panda_bookshelf")  # planned as it is, the motion keeps less than its ends do
     found = certify(with_clearance(scene, 0.06), plan(scene).trajectory)
     assert found.status is Status.TOO_CLOSE
-    assert found.worst is not None
     assert "60 mm are required" in found.text
     assert 0.0 < found.worst.distance < 0.06
     assert found.notes == ()

@@ -11,24 +11,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import hdplan
+from hdplan import InputError, Limits, Obstacle, Payload, Pose, Scene, SteadyMotion, TimedPoses, Trajectory, Upright
 from hdplan.planner.certificate.certifier import Certifier, certify
-from hdplan.planner.certificate.rounding import MOTION, PLACING, ROUNDING, TERM_SHARE, TIME, UNIT, refuse_large_motion
+from hdplan.planner.certificate.rounding import MOST_TERM, MOTION, PLACING, ROUNDING, TIME, refuse_large_motion
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Payload
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
-from hdplan.scenes.path_constraints import PathConstraints, Upright
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Shape, Sphere
-from hdplan.scenes.targets import JointTarget
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -49,9 +41,8 @@ SLIDE = (
 
 @pytest.fixture
 def slide(tmp_path: Path) -> Scene:
-    write_robot(tmp_path / "slide.urdf", *SLIDE)
-    ends = (JointTarget(f, (0.0, 0.0)) for f in ("start", "goal"))
-    return Scene("slide", tmp_path / "s.yaml", RobotSpec(urdf=tmp_path / "slide.urdf"), (), *ends)
+    robot = hdplan.RobotSpec(urdf=write_robot(tmp_path / "slide.urdf", *SLIDE))
+    return Scene(robot=robot, start=[0.0, 0.0], goal=[0.0, 0.0])
 
 
 def ball(place: tuple[float, float, float], **more: Any) -> Obstacle:
@@ -115,7 +106,7 @@ def test_moving_obstacles_are_placed_to_what_is_taken_off() -> None:
         speed = float(np.linalg.norm(velocity) + np.linalg.norm(spin) * np.linalg.norm(lever))
         motion = SteadyMotion(tuple(velocity.tolist()), tuple(spin.tolist()))
         carried = ObstacleMotion.of(Obstacle("x", Box((1, 1, 1)), motion=motion))
-        latest = TERM_SHARE / UNIT / TIME / speed
+        latest = MOST_TERM / TIME / speed
         for time, kept in ((latest * rng.uniform(0.5, 1.0), True), (1000.0 * latest, False)):
             place = carried.at(np.array([time]))[0]
             found = place[:3, :3] @ lever + place[:3, 3]
@@ -135,7 +126,7 @@ def test_moving_obstacles_are_placed_to_what_is_taken_off() -> None:
 
 def test_the_bounds_are_where_they_are_stated(slide: Scene) -> None:
     """Just within them a motion is checked; just beyond, the error names the field, the value and what is allowed."""
-    far = TERM_SHARE / UNIT / PLACING
+    far = MOST_TERM / PLACING
     still = Trajectory(("turn", "slide"), np.zeros((2, 2)))
     for share, kept in ((0.99, True), (1.01, False)):
         scene = replace(slide, obstacles=(ball((share * far - 0.05, 0, 0)),))
@@ -144,7 +135,7 @@ def test_the_bounds_are_where_they_are_stated(slide: Scene) -> None:
         else:
             with pytest.raises(InputError, match=r"obstacles\.ball: up to .* at most 3.52e\+04 m are allowed"):
                 certify(scene, still)
-        latest = TERM_SHARE / UNIT / TIME / 2.0
+        latest = MOST_TERM / TIME / 2.0
         mover = ball((0.0, 0.0, 5.0), motion=SteadyMotion((0.0, 0.0, 2.0)))
         scene = replace(slide, obstacles=(mover,))
         timed = replace(still, times=np.array([0.0, share * latest]))
@@ -230,7 +221,7 @@ def test_wild_numbers_are_refused_or_judged_and_never_overflow(wild: str, thing:
         slide,
         limits=Limits(velocity=1.0, acceleration=10.0, jerk=100.0, torque=100.0),
         payload=Payload("tip", 1.0),
-        path=PathConstraints(upright=Upright("tip", tolerance=0.5)),
+        path=hdplan.PathConstraints(upright=Upright("tip", tolerance=0.5)),
     )
     refused = ""
     try:

@@ -9,34 +9,50 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from hdplan import Box, Capsule, Cylinder, Ellipsoid, Mesh, Obstacle, Scene, Sphere, Trajectory
-from hdplan.planner.geometry.coal_shapes import triangle_tree
-from hdplan.planner.geometry.meshes import load_mesh
+import hdplan
+from hdplan import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Robot, Scene, Sphere, Trajectory, Uncertainty
 from hdplan.planner.motion.robot_curve import curve_of
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.tracking import tracking
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.sizes import Calibration, Uncertainty
+from hdplan.scenes.shapes import Shape
 
-Points = tuple[Array, Array]
+from ..urdf import joint_text, link_text
+
+Ends = tuple[Array, Array]  # two points, or a rotation and an origin
+
+BRANCHED = (
+    link_text("base"),
+    link_text("turret", box="0.3 0.2 0.1"),
+    link_text("mast", cylinder=(0.05, 0.4), at="0 0 0.3", rpy="0.3 0 0"),
+    link_text("left", box="0.4 0.06 0.08", at="0.2 0 0"),
+    link_text("right", sphere=0.1, at="0.2 0 0"),
+    joint_text("turn", "base", "turret", at="0.1 0 0.2", rpy="0.1 0.2 0", limits=(-3, 3)),
+    joint_text("lift", "turret", "mast", "0.1 0 1", kind="prismatic", at="0 0 0.1", rpy="0.2 0 0.4", limits=(-0.5, 1)),
+    joint_text("swing", "mast", "left", "1 1 0", kind="continuous", at="0 0.2 0.5", rpy="0 0.5 0"),
+    joint_text("nod", "mast", "right", "0 1 0.2", at="0 -0.2 0.5", limits=(-2, 2)),
+)
 
 
-def coal_shape(obstacle: Obstacle) -> object:
-    """An obstacle as coal's own shape."""
-    match shape := obstacle.shape:
-        case Box():
-            return coal.Box(*shape.size)
-        case Sphere():
-            return coal.Sphere(shape.radius)
-        case Capsule():
-            return coal.Capsule(shape.radius, shape.length)
-        case Cylinder():
-            return coal.Cylinder(shape.radius, shape.length)
-        case Ellipsoid():
-            return coal.Ellipsoid(*shape.radii)
-        case Mesh():
-            return triangle_tree(load_mesh(shape, obstacle.name))
+def coal_shape(shape: Shape) -> coal.CollisionGeometry:
+    """A shape for coal, built here, not by the code under test."""
+    match shape:
+        case Box(size):
+            return coal.Box(*size)
+        case Sphere(radius):
+            return coal.Sphere(radius)
+        case Ellipsoid(radii):
+            return coal.Ellipsoid(*radii)
+        case Cylinder(radius, length):
+            return coal.Cylinder(radius, length)
+        case Capsule(radius, length):
+            return coal.Capsule(radius, length)
+        case Points(points):
+            cloud = coal.StdVec_Vec3s()
+            cloud.extend([np.array(point) for point in points])
+            return coal.Convex.convexHull(cloud, True, "Qt")
+        case Mesh(file, scale):
+            return coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(str(file), np.array(scale))
     raise TypeError(shape)
 
 
@@ -56,10 +72,10 @@ class Worlds:
     def __init__(self, scene: Scene, robot: Robot, trajectory: Trajectory) -> None:
         """Read the obstacles."""
         self.scene, self.robot, self.curve = scene, robot, curve_of(robot, trajectory)
-        self.shapes = [coal_shape(each) for each in scene.obstacles]
+        self.shapes = [coal_shape(each.shape) for each in scene.obstacles]
         self.motions = [ObstacleMotion.of(each) for each in scene.obstacles]
         self.lag = tracking(scene, robot)
-        self.base = scene.robot.calibration or Calibration()
+        self.base = scene.robot.calibration or hdplan.Calibration()
         self.data = robot.model.createData()
 
     def sampled(self, rng: np.random.Generator, count: int) -> Iterator[tuple[float, float]]:
@@ -130,12 +146,11 @@ class Worlds:
         places = self._placed(q)
         pairs = [(a, b) for one, other in self.robot.self_pairs for a in own[one] for b in own[other]]
         return min(
-            (_distance(items[a].geometry, places[a], items[b].geometry, places[b])[0] for a, b in pairs),
-            default=np.inf,
+            (_distance(items[a].geometry, places[a], items[b].geometry, places[b])[0] for a, b in pairs), default=np.inf
         )
 
 
-def _distance(a: object, one: tuple[Array, Array], b: object, other: tuple[Array, Array]) -> tuple[float, Points]:
+def _distance(a: object, one: Ends, b: object, other: Ends) -> tuple[float, Ends]:
     result = coal.DistanceResult()
     places = coal.Transform3s(*one), coal.Transform3s(*other)
     found = coal.distance(a, places[0], b, places[1], coal.DistanceRequest(True), result)

@@ -29,6 +29,7 @@ from hdplan.scenes.yaml_format.reader import load_scene
 from tests.loops import in_numpy, needs_loops
 
 from ..urdf import joint_text, link_text, write_robot
+from .test_euclidean import random_pose
 
 MARGIN = 0.02  # [m]
 ROUNDING = 1e-9  # [m] by which a body may leave its ball: kinematics to 1e-12, amplified by nothing
@@ -46,13 +47,6 @@ def random_shape(rng: np.random.Generator) -> Shape:
         case 3:
             return Capsule(float(size[0]) / 2, float(size[1]))
     return Points(tuple(map(tuple, (rng.normal(size=(9, 3)) * size / 2).tolist())))
-
-
-def random_pose(rng: np.random.Generator, spread: float) -> Pose:
-    quaternion = rng.normal(size=4)
-    return Pose(
-        tuple(rng.uniform(-spread, spread, 3).tolist()), tuple((quaternion / np.linalg.norm(quaternion)).tolist())
-    )
 
 
 def clutter(count: int, seed: int, spread: float = 1.0, normals: str = "box") -> tuple[HalfspaceBody, ...]:
@@ -167,7 +161,7 @@ def assert_probes_kept(bodies: Sequence[LinkBody], plane: HalfspaceBody, margin:
 @pytest.mark.parametrize("normals", ["faces", "box", "sphere"])
 @pytest.mark.parametrize(("radius", "margin"), [(1e-4, 0.0), (1e-4, 0.02), (0.01, 0.0), (0.3, 0.02)])
 def test_nothing_dropped_near_corners_and_edges(radius: float, margin: float, normals: str) -> None:
-    """At small balls around a box, where D changes its sign."""
+    """Small balls around a box, where D changes its sign."""
     plane = from_shape("box", Box(tuple((2 * HALF).tolist())), STANDING, normals)
     bodies = probes(radius, margin)
     inside = assert_probes_kept(bodies, plane, margin)
@@ -192,7 +186,7 @@ def test_nothing_dropped_around_any_shape(seed: int, normals: str) -> None:
 
 
 @needs_loops
-def test_what_the_compiled_loops_leave_is_inside_its_margin(panda: Robot) -> None:
+def test_pairs_that_the_compiled_loops_leave_are_inside_their_margin(panda: Robot) -> None:
     """Planes decide as the distance's sign does: but for rounding, nothing is evaluated that does not count."""
     bodies = link_bodies(panda)
     planes = [*clutter(30, 17), *(from_link_body(body.link, body.joint, body.body) for body in bodies)]
@@ -273,20 +267,3 @@ def test_no_body_leaves_its_reach(arm: Robot) -> None:
         points += batch.translations[:, body.joint, None]
         farthest = np.linalg.norm(points - reach.centre, axis=2).max() + body.body.radius
         assert farthest <= reach.radius + ROUNDING
-
-
-def test_no_pair_is_ruled_out_that_comes_near(arm: Robot) -> None:
-    """Pairs that the reach rules out are outside their margin at every configuration tried; some are ruled out."""
-    bodies, kinematics = link_bodies(arm), Kinematics(arm.model)
-    planes = clutter(60, 17, spread=2.5)
-    boxes, halves = np.array([plane.box for plane in planes]), np.array([plane.half_size for plane in planes])
-    out = [
-        (a, b)
-        for a, body in enumerate(bodies)
-        if body.joint > 0
-        for b in np.flatnonzero(~reach_of(arm, body.joint, body.body).meets(boxes, halves + MARGIN))
-    ]
-    assert len(out) > 10
-    pairs = open_wide(body_pairs(bodies, planes, out, MARGIN, kinematics.supports))
-    inside = Clearance("ruled out", pairs, hdsdf(pairs)).inside(kinematics.evaluate(extremes(arm, 40, 18)))
-    assert len(inside.sample) == 0

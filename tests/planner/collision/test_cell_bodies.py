@@ -77,7 +77,7 @@ def large_and_small() -> tuple[Array, TriangleMesh]:
 
 @pytest.mark.parametrize("planes", ["box", "faces", "sphere"])
 def test_every_triangle_of_a_surface_is_inside_bodies(planes: str) -> None:
-    """Of large triangles and of small ones: every point of them is in a body, and no body is larger than a cell."""
+    """Large triangles and small ones: every point of them is in a body, and no body is larger than a cell."""
     corners, mesh = large_and_small()
     bodies = from_surface("thing", mesh, TURNED, planes, closely=True)
     share = np.random.default_rng(1).dirichlet(np.ones(3), size=(12, 100))
@@ -138,7 +138,7 @@ def scan_of(scene: Scene, seed: int) -> Scene:
     )  # fmt: skip
 
 
-def test_where_large_boxes_leave_no_way_small_ones_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_small_boxes_leave_a_way_that_large_ones_close(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cell_bodies, "CELL", 1.0)
     scene = scan_of(load_scene("panda_cage"), 100)
     problem = hdplan.build(scene)

@@ -38,11 +38,3 @@ def test_cached_results_equal_computed_ones(damage: str, tmp_path: Path, monkeyp
         assert found.radius == wanted.radius
         for name in FIELDS:
             np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
-
-
-def test_without_a_folder_they_are_computed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "file"))
-    with pytest.warns(UserWarning, match="the cache .* cannot be written"):
-        found = convex_bodies(bodies(5))
-    assert [len(body.vertices) for body in found][:3] == [1, 2, 4]

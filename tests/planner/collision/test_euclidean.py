@@ -239,19 +239,6 @@ def pose_of(kinematics: KinematicsBatch, sample: int, joint: int) -> Array:
     return pose
 
 
-def test_the_broad_phase_drops_no_pair_inside_the_margin(panda: Robot) -> None:
-    collision_model, others = collision_model_of(panda, "fitted", "box"), clutter(30, 13)
-    every = [(a, b) for a in range(len(collision_model.bodies)) for b in range(len(others))]
-    pairs = body_pairs(collision_model.bodies, others, every, MARGIN, collision_model.kinematics.supports)
-    distance = FclPairs(pairs, collision_model.bodies, others)
-    kinematics = collision_model.kinematics.evaluate(panda.draw(np.random.default_rng(14), 60))
-    wide = dataclasses.replace(pairs, half_sizes=pairs.half_sizes + 1e3)
-    quick, whole = (Clearance("obstacles", each, distance).inside(kinematics) for each in (pairs, wide))
-    assert len(whole.sample) > 100
-    np.testing.assert_array_equal(quick.pair, whole.pair)
-    np.testing.assert_array_equal(quick.distance, whole.distance)
-
-
 def test_a_link_body_keeps_its_own_frame() -> None:
     body = ConvexBody.from_points(np.random.default_rng(15).normal(size=(6, 3)), 0.1)
     np.testing.assert_array_equal(from_link_body("link", 1, body).placement, np.eye(4))

@@ -29,7 +29,8 @@ from hdplan.scenes.shapes import Box, Cylinder, Ellipsoid, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.loops import in_numpy, needs_loops
 
-from .test_euclidean import NO_JOINTS, clutter, convex, free_bodies, moved, placed, poses, smooth_motions
+from . import test_euclidean
+from .test_euclidean import NO_JOINTS, clutter, convex, free_bodies, moved, poses, smooth_motions
 
 EXACT = 1e-7  # [m]
 WIDE = 10.0  # [m] a margin that nothing is beyond, so that every distance is exact
@@ -43,9 +44,8 @@ def exact(bodies: Sequence[LinkBody], others: Sequence[HalfspaceBody]) -> ExactP
 
 def everything(pairs: ExactPairs | FclPairs, at: Array) -> tuple[Array, Array]:
     """The distances (B, P) and their wrenches (B, P, 6) of all pairs at all poses (B, 4, 4)."""
-    sample, pair = (index.ravel() for index in np.indices((len(at), len(pairs.pairs))))
-    distance, wrench, _ = pairs(placed(at), sample, pair)
-    return distance.reshape(len(at), -1) + WIDE, wrench.reshape(len(at), -1, 6)
+    distance, wrench = test_euclidean.everything(pairs, at)
+    return distance + WIDE, wrench
 
 
 def truth_of(bodies: Sequence[LinkBody], others: Sequence[HalfspaceBody], at: Array) -> Array:

@@ -75,7 +75,7 @@ def test_pair_distances_equal_casadis(
 
 @pytest.mark.core
 def test_the_wrench_is_the_derivative(pairs: BodyPairs) -> None:
-    """By central differences along random twists, where D is smooth: at order 3 all over but at D = 0."""
+    """Central differences along random twists agree where D is smooth: at order 3 all over but at D = 0."""
     distance, kinematics, step = HdsdfPairs(pairs, 3, 0.01), poses(), 1e-6
     rows, twist = everywhere(pairs), np.random.default_rng(7).normal(size=6)
     moved = []

@@ -138,7 +138,7 @@ def test_the_links_of_well_known_arms_come_fitted(name: str, monkeypatch: pytest
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_results_for_an_arm_are_shipped(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And it is what is found now: run benchmarks/shipped_bodies.py after a change of it."""
+    """The shipped result is the one found now: run benchmarks/shipped_bodies.py after a change of it."""
     arm, computed = load_robot(RobotSpec(name=name)), list[object]()
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "empty"))
     for room in (collision_model, separation_bounds):
@@ -154,7 +154,7 @@ def test_results_for_an_arm_are_shipped(name: str, tmp_path: Path, monkeypatch: 
 
 
 def test_a_new_fit_is_as_tight_as_the_shipped_one(panda: Robot) -> None:
-    """On average over the links, and each link's geometry is contained."""
+    """The average over the links counts, and each link's geometry is contained."""
     tightness = []
     for link in panda.links:
         triangles = link_triangles(panda, link)
@@ -329,7 +329,7 @@ def test_a_capsule_is_found_again() -> None:
     assert np.linalg.norm(body.vertices[0] - body.vertices[1]) == pytest.approx(0.2, abs=5e-3)
 
 
-def test_how_far_a_sphere_stands_out_of_a_cube() -> None:
+def test_the_measure_of_a_sphere_that_stands_out_of_a_cube() -> None:
     sphere = Swept(np.zeros((1, 3)), np.sqrt(3.0))
     mean, p95 = outside((sphere,), CUBE, samples=20000)
     random = np.random.default_rng(1)
@@ -351,6 +351,29 @@ def test_containment_is_refused_where_a_corner_or_a_middle_sticks_out() -> None:
     )
 
 
+def test_a_kept_result_of_another_kind_is_computed_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A right checksum makes no difference."""
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
+    links = link_text("base", box="0.3 0.3 0.3"), link_text("upper", at="0.2 0 0", box="0.4 0.1 0.1")
+    joints = joint_text("first", "base", "upper", at="0.5 0 0"), joint_text("second", "upper", "fore", at="0.5 0 0")
+    arm = write_robot(tmp_path / "arm.urdf", *links, link_text("fore", at="0.2 0 0", sphere=0.1), *joints)
+    robot, make = load_robot(RobotSpec(urdf=arm)), collision_model.collision_model_of.__wrapped__  # type: ignore[attr-defined]
+    first = make(robot, "fitted", "box")
+    kept = {file: file.read_text() for file in (tmp_path / "cache").glob("*/*.json")}
+    kinds = {file.parent.name: file for file in kept}
+    assert {"overlaps", "separation", "link_bodies", "link_parts", "convex_bodies"} <= kinds.keys()
+    for own, other in itertools.permutations(kinds.values(), 2):
+        content = kept[other].partition("\n")[2]
+        if content == "[]":  # parts, too, may be none
+            continue
+        own.write_text(f"{cache.content_key(own.parent.name, own.stem, content)}\n{content}")
+        again = make(robot, "fitted", "box")
+        assert (again.self_pairs, again.distances_kept) == (first.self_pairs, first.distances_kept)
+        for one, two in zip((*again.bodies, *again.parts), (*first.bodies, *first.parts), strict=True):
+            np.testing.assert_array_equal(one.body.vertices, two.body.vertices)
+        assert own.read_text() == kept[own]
+
+
 def test_a_cache_that_is_damaged_or_cannot_be_written_is_no_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -361,12 +384,14 @@ def test_a_cache_that_is_damaged_or_cannot_be_written_is_no_cache(
     cache.store("kind", key, [0.1, {"x": None}])
     assert cache.load("kind", key, lambda value: value) == [0.1, {"x": None}]
     (file,) = (tmp_path / "cache" / "kind").iterdir()
+    file.with_name("other.json").write_text(file.read_text())
+    assert cache.load("kind", "other", lambda value: value) is None
     file.write_text(file.read_text().replace("0.1", "0.2"))
     assert cache.load("kind", key, lambda value: value) is None
     file.write_bytes(b"\xff\xfe")
     assert cache.load("kind", key, lambda value: value) is None
     for planted in ("[null]", "[NaN]", "1" + 400 * "0", 10**5 * "["):  # under a checksum of its own
-        file.write_text(f"{cache.content_key(planted)}\n{planted}")
+        file.write_text(f"{cache.content_key('kind', key, planted)}\n{planted}")
         assert cache.load("kind", key, cache.finite) is None
     monkeypatch.setenv("HDPLAN_CACHE", str(file))  # a file where a folder should be
     with pytest.warns(UserWarning, match=f"the cache {file} cannot be written"):

@@ -61,7 +61,7 @@ def test_planes_contain_the_parts_and_are_no_wider_than_the_bodies(robot: Robot)
 
 @pytest.mark.parametrize("geometry", ["hull", "box", "capsule", "outer-4", "outer-12"])
 def test_bodies_of_every_kind_have_parts(geometry: str) -> None:
-    """Also the link's own hull, of hundreds of corners."""
+    """The link's own hull, of hundreds of corners, has parts, too."""
     robot = load_robot(RobotSpec("panda"))
     for link in robot.links:
         points = in_joint(robot, link, link_triangles(robot, link).reshape(-1, 3))

@@ -193,13 +193,7 @@ def test_a_box_keeps_its_stated_bounds(name: str, folder: Path) -> None:
     arm, rng = named(name, folder), np.random.default_rng(4)
     witness = Witness(arm)
     model = witness.model
-    assembled = body_pairs(
-        model.bodies,
-        model.planes,
-        model.self_pairs,
-        0.0,
-        model.kinematics.supports,
-    )
+    assembled = body_pairs(model.bodies, model.planes, model.self_pairs, 0.0, model.kinematics.supports)
     distance = FclPairs(assembled, model.bodies, model.planes)
     search = separation_bounds.Search(arm, model.kinematics, model.bodies, model.self_pairs, distance)
     low, high = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
@@ -255,7 +249,7 @@ def test_bounds_are_kept_on_disk_by_content(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_arms_that_turn_about_other_axes_have_other_entries(tmp_path: Path) -> None:
-    """Also where the axis is none of x, y, z, which Pinocchio does not write into a joint's name."""
+    """An axis may be none of x, y, z, which Pinocchio does not write into a joint's name."""
     arms = []
     for number, axis in enumerate(("0 0.6 0.8", "0 0.8 0.6")):
         sides = (arm(side, y, -1, 1, axis) for side, y in (("l", 1), ("r", -1)))
@@ -268,7 +262,7 @@ def test_arms_that_turn_about_other_axes_have_other_entries(tmp_path: Path) -> N
 def test_all_pairs_together_stay_within_the_budget(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot with both hands has thousands of pairs: each has its share, and what is proven with less still holds."""
     arm, looked = robot("kinova"), list[int]()
-    bound, collision_model = separation_bounds.Search.bound, collision_model_of(arm, "fitted", "box")
+    bound, model = separation_bounds.Search.bound, collision_model_of(arm, "fitted", "box")
 
     def counted(self: separation_bounds.Search, pair: int, wanted: float, most: int) -> tuple[float, int]:
         found = bound(self, pair, wanted, most)
@@ -280,17 +274,10 @@ def test_all_pairs_together_stay_within_the_budget(way: str, monkeypatch: pytest
         in_numpy(monkeypatch, separation_bounds)
     monkeypatch.setattr(separation_bounds, "known_result", lambda kind, key, read: None)
     monkeypatch.setattr(separation_bounds, "store", lambda kind, key, value: None)
-    given = (
-        arm,
-        collision_model.kinematics,
-        collision_model.bodies,
-        collision_model.planes,
-        collision_model.self_pairs,
-        0.005,
-    )
+    given = arm, model.kinematics, model.bodies, model.planes, model.self_pairs, 0.005
     everything = separation_bounds.distances_kept(*given)
     if way == "compiled":
-        np.testing.assert_array_equal(everything, collision_model.distances_kept)
+        np.testing.assert_array_equal(everything, model.distances_kept)
     for budget in (0, 300, 3_000):
         looked.clear()
         monkeypatch.setattr(separation_bounds, "BUDGET", budget)

@@ -4,31 +4,20 @@ who brakes for one period brakes on as before; and an arm driven at walls and jo
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from hdplan import Box, InputError, Limits, Obstacle, Pose, Robot
+from hdplan.control import Controller, ControlSettings, Run, simulate, standing
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.control.braking import Command, Rates
-from hdplan.planner.control.controller import Controller
-from hdplan.planner.control.rollout import Run, simulate
-from hdplan.planner.control.settings import ControlSettings
-from hdplan.planner.control.tasks import standing
 from hdplan.planner.control.window import Window
-from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box
-from hdplan.scenes.targets import JointTarget
 
-READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
+from .rooms import READY, scene_of
+
+LIMITS = Limits(acceleration=5.0, jerk=200.0)
 
 
 def random_rates(rng: np.random.Generator, n: int = 7) -> Rates:
@@ -43,7 +32,7 @@ def random_rates(rng: np.random.Generator, n: int = 7) -> Rates:
 
 
 @pytest.mark.core
-def test_whatever_is_commanded_within_the_window_all_limits_are_kept_and_rest_is_reached() -> None:
+def test_every_command_within_the_window_keeps_all_limits_and_can_come_to_rest() -> None:
     rng = np.random.default_rng(0)
     for _ in range(60):
         rates, last = random_rates(rng), Command.rest(7)
@@ -66,7 +55,7 @@ def test_whatever_is_commanded_within_the_window_all_limits_are_kept_and_rest_is
 
 
 def test_joints_driven_at_their_limits_stop_before_them() -> None:
-    """At every period the farthest command that the window allows, at random to either side."""
+    """The farthest command that the window allows is sent in every period, at random to either side."""
     rng = np.random.default_rng(1)
     near = 0
     for _ in range(25):
@@ -98,28 +87,18 @@ def test_without_limits_of_acceleration_the_box_is_the_papers() -> None:
         np.testing.assert_allclose(window.gains, 1.0)
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_scene_robot(walls())
-
-
-def walls(*obstacles: Obstacle) -> Scene:
-    limits = Limits(acceleration=5.0, jerk=200.0)
-    ends = [JointTarget(name, READY) for name in ("start", "goal")]
-    return Scene("walls", Path("walls.yaml"), RobotSpec("panda"), obstacles, *ends, limits=limits)
-
-
 def test_an_arm_at_full_speed_brakes_before_walls_within_its_limits(robot: Robot) -> None:
     """Walls on both sides and targets behind them: nothing falls below its margin, the executed motion is certified
     with its limits of acceleration and jerk, and the arm comes near."""
-    scene = walls(
+    scene = scene_of(
         Obstacle("left", Box((0.6, 0.02, 1.0)), Pose((0.4, 0.35, 0.5))),
         Obstacle("front", Box((0.02, 1.0, 1.0)), Pose((0.75, 0.0, 0.5))),
+        limits=LIMITS,
     )
     controller = Controller.of(scene, ControlSettings(rate=20.0), robot)
     for turn in ((1.5, 0.0), (0.0, 1.2)):
-        goal = np.array(READY) + [turn[0], turn[1], 0.0, turn[1], 0.0, 0.0, 0.0]
-        run = simulate(controller, np.array(READY), standing(goal, gain=20.0), 1.2, until_met=False)
+        goal = READY + [turn[0], turn[1], 0.0, turn[1], 0.0, 0.0, 0.0]
+        run = simulate(controller, READY, standing(goal, gain=20.0), 1.2, until_met=False)
         assert run.slacks.min() >= -1e-9
         assert run.slacks.min() < 0.02
         assert np.abs(run.velocities).max() > 1.0
@@ -133,8 +112,8 @@ def test_an_arm_at_full_speed_brakes_before_walls_within_its_limits(robot: Robot
 def test_a_robot_that_moves_already_is_braked_from_there(robot: Robot) -> None:
     """A measured velocity is an argument: toward a wall the first command is one that still can stop."""
     wall = Obstacle("front", Box((0.02, 1.0, 1.0)), Pose((0.80, 0.0, 0.5)))
-    controller = Controller.of(walls(wall), ControlSettings(rate=20.0), robot)
-    q, last = np.array(READY), Command(np.array([0.0, 0.6, 0.0, 0.6, 0.0, 0.0, 0.0]), np.zeros(7))
+    controller = Controller.of(scene_of(wall, limits=LIMITS), ControlSettings(rate=20.0), robot)
+    q, last = READY, Command(np.array([0.0, 0.6, 0.0, 0.6, 0.0, 0.0, 0.0]), np.zeros(7))
     goal, most = q + [0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0], controller.rates.acceleration
     for _ in range(150):
         step = controller.step(q, standing(goal, gain=20.0), 0.0, last)
@@ -144,7 +123,7 @@ def test_a_robot_that_moves_already_is_braked_from_there(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_what_is_executed_of_commands_at_the_limits_keeps_them_however_close_its_rows(seed: int) -> None:
+def test_an_executed_motion_at_the_limits_keeps_them_however_close_its_rows(seed: int) -> None:
     """Commands at the ends of their windows, 1,000 to 10,000 a second, as the file has them and the certificate."""
     rng = np.random.default_rng(seed)
     period, far = float(10.0 ** -rng.uniform(3.0, 4.0)), np.array([3.0, 1.5, 7.9])
@@ -174,9 +153,9 @@ def test_what_is_executed_of_commands_at_the_limits_keeps_them_however_close_its
 def test_braking_that_would_take_too_long_is_refused(robot: Robot) -> None:
     """A measured velocity that is no robot's gives one line, not a step of minutes; so do periods that are too short,
     before the robot moves."""
-    controller, q = Controller.of(walls(), robot=robot), np.array(READY)
+    controller, q = Controller.of(scene_of(limits=LIMITS), robot=robot), READY
     for last in (Command(np.full(7, 1e3), np.zeros(7)), Command(np.zeros(7), np.full(7, 1e5))):
         with pytest.raises(InputError, match=r"^last: .* periods, at most 10000 are allowed$"):
             controller.step(q, standing(q), last=last)
     with pytest.raises(InputError, match=r"^control.period: 1e-06 s is too short"):
-        Controller.of(walls(), ControlSettings(period=1e-6), robot)
+        Controller.of(controller.setup.scene, ControlSettings(period=1e-6), robot)

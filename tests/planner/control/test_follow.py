@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan import InputError, Limits, Obstacle, Pose, Robot, Scene, Sphere, SteadyMotion, Timing, Trajectory
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.control import follow as following
@@ -19,27 +20,15 @@ from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.control.pacing import SPEED_SHARE, paced, slowed, slowness
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Sphere
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.writer import scene_text
 from tests.commands import in_process
 
+from .rooms import READY, scene_of
+
 COARSE = replace(follow_settings(), period=0.01)  # half as many steps; `test_command` has the settings of all
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_scene_robot(hdplan.load_scene("empty"))
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +41,7 @@ def sweep(robot: Robot) -> Trajectory:
 
 @pytest.fixture(scope="module")
 def room(sweep: Trajectory) -> Scene:
-    return between(hdplan.load_scene("empty"), sweep)
+    return between(scene_of(), sweep)
 
 
 @pytest.fixture(scope="module")
@@ -115,8 +104,7 @@ def test_the_follower_yields_and_recovers(
 
 def test_a_program_without_a_solution_is_no_reason_to_stand(room: Scene, robot: Robot) -> None:
     """A ball approaches the elbow faster than its barrier allows: the step that gives way names the ball."""
-    start = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
-    slow = Trajectory(robot.joint_names, np.stack([start, start + 0.15]), robot.locked, np.array([0.0, 3.0]))
+    slow = Trajectory(robot.joint_names, np.stack([READY, READY + 0.15]), robot.locked, np.array([0.0, 3.0]))
     ball = Obstacle("ball", Sphere(0.08), Pose((-0.282, 0.096, 0.763)), motion=SteadyMotion((0.491, -0.08, -0.054)))
     found = follow(Setup.of(replace(between(room, slow), obstacles=(ball,)), robot), slow, COARSE)
     assert found.succeeded, found.certificate.text
@@ -146,8 +134,7 @@ def test_check_reports_of_the_written_motion_what_follow_reported(
 ) -> None:
     """Random motions and obstacles that come, with limits on velocities and accelerations; nothing jumps."""
     rng = np.random.default_rng(seed)
-    ready = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
-    rows = ready + np.cumsum(rng.uniform(-0.15, 0.15, (4, 7)), axis=0)
+    rows = READY + np.cumsum(rng.uniform(-0.15, 0.15, (4, 7)), axis=0)
     motion = Trajectory(robot.joint_names, rows, robot.locked, np.linspace(0.0, 1.5, 4) if seed else None)
     ball = ball_that_comes(robot, motion, tuple(rng.uniform(-0.5, 0.5, 3).tolist()), 0.7)
     limits = Limits(velocity="urdf", acceleration=rng.choice([3.0, 300.0]).item())
@@ -165,8 +152,8 @@ def test_check_reports_of_the_written_motion_what_follow_reported(
         assert (again.status, again.text) == (found.certificate.status, found.certificate.text)
 
 
-def test_what_is_executed_follows_the_commands(free: Followed) -> None:
-    """Within the hull of the last four commanded places, no faster than them, and a spline to the second derivative."""
+def test_the_executed_motion_follows_the_commands(free: Followed) -> None:
+    """It stays within the hull of four commanded places, no faster than them, a spline to the second derivative."""
     curve, places, period = free.trajectory.curve, free.run.positions, free.run.period
     np.testing.assert_array_equal(curve.rows[[0, -1]], places[[0, -1]])
     padded = np.concatenate([places[:1], places[:1], places, places[-1:], places[-1:]])
@@ -224,7 +211,7 @@ def test_the_follower_arrives_without_overshoot_within_any_limits(
 
 
 def test_a_motion_that_is_slowed_asks_for_what_it_may(robot: Robot) -> None:
-    """Whatever it knows of its derivatives: positions, velocities and accelerations."""
+    """The motion knows positions, velocities too, or accelerations too."""
     rng, times = np.random.default_rng(3), np.linspace(0.0, 0.8, 9)
     rows, most = rng.uniform(-1.0, 1.0, (3, 9, 2)), np.full(2, 2.0)
     rates = Rates(most, most, most, 0.005)
@@ -281,7 +268,7 @@ def test_command(
         (["--limits", "jerk=-1"], "--limits jerk=-1: must be"),
     ],
 )
-def test_what_an_option_does_not_allow_is_reported_with_the_option(
+def test_a_wrong_value_is_reported_with_its_option(
     given: list[str], named: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, out, err = in_process(monkeypatch, capsys)("follow", "panda_gate", "plan.json", *given)

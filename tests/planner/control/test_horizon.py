@@ -3,45 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
+from hdplan import Attached, Box, Cloud, InputError, Pose, Robot, RobotSpec, Sphere
+from hdplan.control import BarrierSettings, Controller, ControlSettings, Mode, scene_barriers, simulate, standing
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.collision.collision_model import collision_model_of
-from hdplan.planner.control.barrier_settings import BarrierSettings
-from hdplan.planner.control.barriers import scene_barriers
-from hdplan.planner.control.controller import Controller
-from hdplan.planner.control.look_ahead import Mode
-from hdplan.planner.control.rollout import simulate
-from hdplan.planner.control.settings import ControlSettings
-from hdplan.planner.control.tasks import standing
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.attached import Attached
-from hdplan.scenes.clouds import Cloud
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box, Sphere
-from hdplan.scenes.targets import JointTarget
 
-READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
+from ..links import place_of
+from .rooms import READY, certificate, scene_of
+
 HANGING = RobotSpec("panda", base=Pose((0.0, 0.0, 1.2), (1.0, 0.0, 0.0, 0.0)))
-
-
-PANDA = RobotSpec("panda")
-
-
-def scene_of(*obstacles: Obstacle, robot: RobotSpec = PANDA) -> Scene:
-    ends = [JointTarget(name, READY[: 6 if robot.name == "ur5" else 7]) for name in ("start", "goal")]
-    return Scene("room", Path("room.yaml"), robot, obstacles, *ends)
 
 
 def clutter(rng: np.random.Generator) -> tuple[Obstacle, ...]:
@@ -54,11 +31,12 @@ def clutter(rng: np.random.Generator) -> tuple[Obstacle, ...]:
 
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize("distance", ["hdsdf", "euclidean"])
-@pytest.mark.parametrize("spec", [PANDA, HANGING, RobotSpec("ur5")], ids=["panda", "hanging", "ur5"])
-def test_no_pair_nearer_than_the_horizon_is_overlooked(distance: str, spec: RobotSpec) -> None:
+@pytest.mark.parametrize("spec", ["panda", HANGING, "ur5"], ids=["panda", "hanging", "ur5"])
+def test_no_pair_nearer_than_the_horizon_is_overlooked(distance: str, spec: str | RobotSpec) -> None:
     rng = np.random.default_rng(0)
     obstacles = clutter(rng) if distance == "hdsdf" else clutter(rng)[1:]
-    scene = scene_of(*obstacles, robot=spec)
+    start = READY[: 6 if spec == "ur5" else 7]
+    scene = scene_of(*obstacles, robot=spec, start=start, goal=start)
     robot = load_scene_robot(scene)
     barriers = scene_barriers(scene, robot, BarrierSettings(distance))
     left = 0
@@ -75,10 +53,9 @@ def test_no_pair_nearer_than_the_horizon_is_overlooked(distance: str, spec: Robo
     assert len(barriers.at(robot.draw(rng, 1), np.zeros(1)).within(np.inf)) == len(barriers.names)
 
 
-def test_obstacles_beyond_the_horizon_change_no_command() -> None:
+def test_obstacles_beyond_the_horizon_change_no_command(robot: Robot) -> None:
     rng = np.random.default_rng(1)
     boxes = [Obstacle(f"box{k}", Box((0.1, 0.1, 0.1)), Pose(tuple(rng.uniform(-0.9, 0.9, 3)))) for k in range(30)]
-    robot = load_scene_robot(scene_of())
     controller, compared = Controller.of(scene_of(*boxes), robot=robot), 0
     for q, goal in zip(robot.draw(rng, 20), robot.draw(rng, 20), strict=True):
         step = controller.step(q, standing(goal))
@@ -93,12 +70,12 @@ def test_obstacles_beyond_the_horizon_change_no_command() -> None:
 
 def test_the_rate_grows_toward_the_horizon(robot: Robot) -> None:
     """An arm that is driven straight at a wall is braked as the module's equation says, and from the horizon on not."""
-    goal = np.array(READY) + [0.0, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0]
+    goal = READY + [0.0, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0]
     for away, free in ((0.55, False), (0.9, True)):
         wall = scene_of(Obstacle("wall", Box((0.02, 2.0, 2.0)), Pose((away, 0.0, 0.5))))
         settings = ControlSettings(look_ahead=False, horizon=0.3, rise=0.0)
         controller = Controller.of(wall, settings, robot)
-        step = controller.step(np.array(READY), standing(goal, gain=50.0))
+        step = controller.step(READY, standing(goal, gain=50.0))
         outer = step.pairs < controller.barriers.obstacle_pairs
         assert outer.any() != free
         rows, slack = step.rows, step.rows.value - np.where(outer, settings.margin, settings.self_margin)
@@ -106,12 +83,12 @@ def test_the_rate_grows_toward_the_horizon(robot: Robot) -> None:
         binding = rows.gradient @ step.velocity + rate * slack
         assert binding.min() > -1e-6
         assert (binding[outer].min(initial=np.inf) < 1e-6) != free
-        linear = Controller.of(wall, replace(settings, as_published=True), robot).step(np.array(READY), standing(goal))
+        linear = Controller.of(wall, replace(settings, as_published=True), robot).step(READY, standing(goal))
         assert len(linear.pairs) == len(controller.barriers.names)
 
 
 def test_obstacles_in_no_pair_stay_beyond_the_proven_distance(robot: Robot) -> None:
-    """Of balls and points about as far as the arm reaches, whatever the margin."""
+    """Balls and points are about as far as the arm reaches, whatever the margin."""
     rng, model, left = np.random.default_rng(5), collision_model_of(robot, "fitted", "box"), 0
     ways = rng.normal(size=(60, 3))
     places = [0.0, 0.0, 0.333] + ways / np.linalg.norm(ways, axis=1)[:, None] * rng.uniform(0.3, 1.9, (60, 1))
@@ -137,14 +114,13 @@ def test_an_arm_goes_about_its_way_clear_of_a_cloud(robot: Robot) -> None:
     wall = rng.uniform([0.25, -0.01, 0.0], [0.9, 0.01, 1.0], size=(12_000, 3))
     wall = wall[~((np.abs(wall[:, 0] - 0.5) < 0.25) & (wall[:, 2] > 0.35))]
     scene = scene_of(Obstacle("view", Cloud(wall, 0.005)))
-    begin, end = np.array(READY) + [-0.6, 0, 0, 0, 0, 0, 0], np.array(READY) + [0.6, 0, 0, 0, 0, 0, 0]
+    begin, end = READY + [-0.6, 0, 0, 0, 0, 0, 0], READY + [0.6, 0, 0, 0, 0, 0, 0]
     controller = Controller.of(scene, robot=robot)
     step = controller.step(begin, standing(end))
     assert len(step.pairs) < 0.5 * len(controller.barriers.names)
     run = simulate(controller, begin, standing(end, gain=2.0), 3.0, until_met=False)
     assert Mode.STOPPED not in run.counted
-    motion = Trajectory(robot.joint_names, run.positions, robot.locked)
-    verdict = Certifier(Setup.of(scene, robot)).certify(motion, check_ends=False)
+    verdict = certificate(scene, robot, run)
     assert verdict.certified
     assert verdict.clearance is not None
     assert verdict.clearance > 0.0
@@ -162,7 +138,7 @@ def test_an_updated_world_equals_a_new_one(robot: Robot) -> None:
     """Obstacles, clouds and what is held are exchanged while the arm moves on from its last command."""
     rng = np.random.default_rng(4)
     first = Controller.of(scene_of(*clutter(rng)), robot=robot)
-    goal, q = robot.draw(rng, 1)[0], np.array(READY)
+    goal, q = robot.draw(rng, 1)[0], READY
     step = first.step(q, standing(goal))
     for _ in range(3):
         seen = clutter(rng)
@@ -181,10 +157,8 @@ def test_an_updated_world_equals_a_new_one(robot: Robot) -> None:
 
 def test_a_cloud_leaves_out_points_around_the_robot_where_it_is(robot: Robot) -> None:
     """Not around the scene's start, where something else may be by now."""
-    goal = np.array(READY) + 0.6
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(np.array(READY)))
-    hand = data.oMf[robot.model.getFrameId("panda_hand")].translation
+    goal = READY + 0.6
+    hand = place_of(robot, "panda_hand", READY).translation
     seen = [Obstacle("camera", Cloud([hand, hand + [2.0, 0.0, 0.0]], 0.01, ignore_robot=0.05))]
     controller = Controller.of(scene_of(), robot=robot)
     with pytest.raises(InputError, match=r"^q: is needed: cloud 'camera'"):
@@ -203,13 +177,8 @@ def test_beside_a_moving_obstacle_a_clearance_is_proven(robot: Robot) -> None:
     ball = Obstacle("ball", Sphere(0.08), Pose((0.9, 0.3, 0.5)), motion=motion)
     scene = scene_of(ball)
     controller, certifier = Controller.of(scene, robot=robot), Certifier(Setup.of(scene, robot))
-    run = simulate(controller, np.array(READY), standing(np.array(READY) + 0.2), 0.5, until_met=False)
+    run = simulate(controller, READY, standing(READY + 0.2), 0.5, until_met=False)
     assert run.proven is not None
     assert run.proven > 0.0
     true = [certifier.nearest(q, np.inf, time=t)[0] for t, q in zip(run.times[::10], run.positions[::10], strict=True)]
     assert min(place.distance for place in true if place is not None) >= run.proven
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_scene_robot(scene_of())

@@ -11,28 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdplan import Box, Capsule, Ellipsoid, Obstacle, Pose, Robot, RobotSpec, Scene, SteadyMotion
+from hdplan.control import BarrierSettings, Controller, ControlSettings, standing
 from hdplan.planner.control import barrier_safety, braking, lows, moment
 from hdplan.planner.control.barrier_safety import straightened
-from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.braking import Command, Rates
-from hdplan.planner.control.controller import Controller
 from hdplan.planner.control.lows import Floors, Lows, lows_among, lows_near, lows_of_hulls
 from hdplan.planner.control.moment import NO_ROWS
-from hdplan.planner.control.settings import ControlSettings
-from hdplan.planner.control.tasks import standing
-from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box, Capsule, Ellipsoid
-from hdplan.scenes.targets import JointTarget
 from tests.loops import in_numpy, needs_loops
 
 from ..linkage import linkage_urdf
-from .test_braking import READY
+from .rooms import scene_of
 
 pytestmark = needs_loops
 EUCLIDEAN = ControlSettings(BarrierSettings("euclidean", growth=0.0, self_growth=0.0), 0.01, 0.005)
@@ -55,13 +45,7 @@ def crowded() -> Scene:
     ]
     motion = SteadyMotion((0.1, 0.2, 0.0), (0.0, 0.0, 1.0))
     obstacles.append(Obstacle("bar", Capsule(0.05, 0.3), Pose((0.4, 0.0, 0.5)), motion=motion))
-    ends = JointTarget("start", READY), JointTarget("goal", READY)
-    return Scene("crowd", Path("crowd.yaml"), RobotSpec("panda"), tuple(obstacles), *ends)
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_scene_robot(crowded())
+    return scene_of(*obstacles)
 
 
 def test_braking() -> None:
@@ -119,7 +103,7 @@ def every_low(controller: Controller, path: Array, floors: Floors) -> tuple[Lows
 
 @pytest.mark.parametrize("settings", [ControlSettings(), EUCLIDEAN], ids=["hdsdf", "euclidean"])
 def test_lows(settings: ControlSettings, robot: Robot) -> None:
-    """On random paths, with floors that many pairs fall below, of obstacles that stand and that move, and of links."""
+    """Random paths, with floors that many pairs fall below, of obstacles that stand and that move, and of links."""
     controller, rng = Controller.of(crowded(), settings, robot), np.random.default_rng(7)
     sight, barriers, low = controller.sight, controller.barriers, 0
     for _ in range(8):
@@ -137,7 +121,7 @@ def test_lows(settings: ControlSettings, robot: Robot) -> None:
 
 @pytest.mark.parametrize("settings", [ControlSettings(), EUCLIDEAN], ids=["hdsdf", "euclidean"])
 def test_commands(settings: ControlSettings, robot: Robot) -> None:
-    """From random starts, many of them inside margins, with the last command of the loops."""
+    """Random starts, many of them inside margins, with the last command of the loops."""
     controller, rng = Controller.of(crowded(), settings, robot), np.random.default_rng(8)
     modes = set()
     for q in robot.draw(rng, 4):
@@ -158,8 +142,8 @@ def test_commands(settings: ControlSettings, robot: Robot) -> None:
 def test_joints_that_follow_others(tmp_path: Path) -> None:
     """The look-ahead knows the planned joints only, and corrects by their derivatives."""
     box = Obstacle("box", Box((0.3, 0.3, 0.3)), Pose((0.9, 0.0, 1.2)))
-    ends = JointTarget("start", (0.0,) * 5), JointTarget("goal", (0.0,) * 5)
-    controller = Controller.of(Scene("lifter", tmp_path, RobotSpec(urdf=linkage_urdf(tmp_path)), (box,), *ends))
+    zero, lifter = (0.0,) * 5, RobotSpec(urdf=linkage_urdf(tmp_path))
+    controller = Controller.of(scene_of(box, robot=lifter, start=zero, goal=zero))
     at = controller.barriers.at(np.zeros((1, 5)), np.zeros(1))
     floors = Floors(np.full(controller.barriers.count, 0.5), controller.sight.next, NO_ROWS, 0.0)
     found = lows_near(at, (1.0, 1.0), None, floors)
@@ -170,7 +154,7 @@ def test_joints_that_follow_others(tmp_path: Path) -> None:
 
 
 def test_depths_do_not_depend_on_the_samples_before(robot: Robot) -> None:
-    """Where the robot stands still on its whole way, no pair in contact falls: depths are exact to 1e-9 m only."""
+    """A robot that stands still on its whole way: no pair in contact falls: depths are exact to 1e-9 m only."""
     rng = np.random.default_rng(5)
     eggs = [
         Obstacle(f"egg{k}", Ellipsoid(rng.uniform(0.05, 0.3, 3)), Pose(rng.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 0.9))))

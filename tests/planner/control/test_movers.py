@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hdplan import Obstacle, Pose, Sphere, SteadyMotion, TimedPoses
 from hdplan.planner.control.movers import Movers
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.shapes import Sphere
 
 
 def motions(rng: np.random.Generator) -> list[ObstacleMotion]:

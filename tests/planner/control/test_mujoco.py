@@ -13,18 +13,17 @@ import pinocchio as pin
 import pytest
 
 import hdplan
-from hdplan import control
+from hdplan import InputError, Trajectory, control
 from hdplan.planner.control.mujoco_arm import execute_in_mujoco
 from hdplan.planner.control.mujoco_model import mujoco_xml
 from hdplan.planner.control.simulation import replay
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.loads import carrying
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError
+from tests.extras import mujoco, needs
 from tests.planner.replanning.driving import AtOnce
 
-mujoco = pytest.importorskip("mujoco")
+pytestmark = needs("mujoco")
 
 LIMITS = hdplan.Limits(velocity="urdf", acceleration=7.5, jerk=500)
 
@@ -68,7 +67,7 @@ def test_the_mujoco_model_has_the_mechanics_of_the_robot(name: str) -> None:
         assert np.allclose(data.qfrc_gravcomp, weight, rtol=1e-6, atol=1e-5)
 
 
-def test_what_is_executed_stays_in_the_measured_tube_and_the_proof_holds(
+def test_the_executed_motion_stays_in_the_measured_tube_and_the_proof_holds(
     planned: tuple[hdplan.Scene, Trajectory],
 ) -> None:
     scene, motion = planned
@@ -226,7 +225,7 @@ def test_a_replanner_drives_the_body(planned: tuple[hdplan.Scene, Trajectory]) -
 def test_an_arm_whose_replanner_fails_comes_to_rest_as_proven(
     fault: str, planned: tuple[hdplan.Scene, Trajectory]
 ) -> None:
-    """Without a jump: along the last command, to its end. Then the error is raised."""
+    """The arm follows the last command to its end, without a jump. Then the error is raised."""
     scene = replace(planned[0], obstacles=[], robot=hdplan.RobotSpec("panda", tracking=hdplan.Tracking(0.01, 0.4)))
     arm = Faulty(planned[1].joint_names, np.array(scene.start.positions), 0.0, 10**6)
 

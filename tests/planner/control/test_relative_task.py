@@ -8,15 +8,12 @@ import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan import InputError, Pose, PoseTarget, Robot
 from hdplan.planner.control.tasks import PoseTask
 from hdplan.planner.kinematics.relative import RelativePose
 from hdplan.planner.robot.link_frame import frames_of, link_poses
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.targets import PoseTarget
 
 LEFT, RIGHT = "left_gripper", "right_gripper"
 
@@ -86,7 +83,7 @@ def test_a_relative_task_is_met_while_the_other_arm_moves(baxter: Robot) -> None
     assert not task.met(start, 0.0)
 
 
-def test_what_does_not_move_apart_is_refused_in_one_line(baxter: Robot) -> None:
+def test_links_that_do_not_move_apart_are_refused_in_one_line(baxter: Robot) -> None:
     target = PoseTarget(RIGHT, Pose((0.0, 0.0, 0.1)))
     for to, message in (
         ("right_grippr", "to: unknown link 'right_grippr'.*right_gripper"),

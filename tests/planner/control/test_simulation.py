@@ -10,26 +10,16 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
+from hdplan import Limits, Obstacle, Payload, Pose, Robot, RobotSpec, Scene, Sphere, Timing, Trajectory, load_robot
 from hdplan.planner.certificate import certifier
 from hdplan.planner.certificate.torque_check import check_torques
 from hdplan.planner.control.computed_torque import Arm, execute
 from hdplan.planner.control.simulation import Simulation, replay
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.attached import Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Sphere
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.timing import Timing
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes" / "shipped"
 UPRIGHT = Pose((0, 0, 1), (0.7071067811865476, 0, 0, 0.7071067811865476))  # the planar arm in a vertical plane
@@ -44,7 +34,7 @@ def _scene(robot: RobotSpec = PANDA, **changes: object) -> Scene:
 
 
 def _motion(robot: Robot, start: Array, goal: Array, duration: float) -> Trajectory:
-    """From rest to rest by the law of minimum jerk, a hundred rows a second."""
+    """A motion from rest to rest by the law of minimum jerk, a hundred rows a second."""
     times = np.linspace(0, duration, round(100 * duration) + 1)
     s, way = times / duration, goal - start
     place = np.outer(10 * s**3 - 15 * s**4 + 6 * s**5, way)

@@ -8,24 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-import hdplan
-from hdplan.planner.control.controller import Controller
-from hdplan.planner.control.rollout import simulate
+from hdplan import InputError, Pose, PoseTarget, Robot
+from hdplan.control import Controller, simulate
 from hdplan.planner.control.tasks import Damping, PoseTask, Ranked, standing, together
 from hdplan.planner.kinematics.inverse import LinkPose
-from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.targets import PoseTarget
 
-READY = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+from .rooms import READY, scene_of
+
 DOWN = PoseTarget("panda_hand", Pose((0.45, 0.2, 0.5), (1.0, 0.0, 0.0, 0.0)))
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_scene_robot(hdplan.load_scene("empty"))
 
 
 def test_weights_add_and_one_task_is_itself(robot: Robot) -> None:
@@ -51,7 +41,7 @@ def test_a_lower_rank_disturbs_no_higher_one_and_uses_what_is_free(robot: Robot)
 
 
 def test_default_gains_arrive_within_the_target_and_a_posture_does_not_keep_them_off(robot: Robot) -> None:
-    controller = Controller.of(hdplan.load_scene("empty"), robot=robot)
+    controller = Controller.of(scene_of(), robot=robot)
     axis = PoseTarget("panda_hand", DOWN.pose, free_rotation="z")
     for task in (PoseTask(robot, DOWN), [PoseTask(robot, axis), Ranked(standing(READY), 1.0, 1)]):
         run = simulate(controller, READY, task, 4.0)

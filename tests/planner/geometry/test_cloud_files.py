@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from hdplan import Cloud, InputError
 from hdplan.planner.geometry.cells import cells_of, grouped
 from hdplan.planner.geometry.cloud_files import FORMATS, read_points
 from hdplan.planner.geometry.clouds import balls_in, drawn_boxes, merged, part_bounds, read_cloud
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.clouds import Cloud
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.fixed_array import FixedArray
 
 POINTS = np.random.default_rng(0).uniform(-1.0, 1.0, size=(200, 3)).astype(np.float32).astype(np.float64)

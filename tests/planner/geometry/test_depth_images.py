@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan import Cloud, DepthImage, InputError, Scene, load_scene
 from hdplan.planner.geometry.clouds import balls_in, read_cloud
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.clouds import Cloud
-from hdplan.scenes.depth_images import DepthImage
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.fixed_array import FixedArray
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.yaml_format.reader import load_scene
 
 CAMERA = (120.0, 110.0, 39.5, 29.5)
 SHAPE = (60, 80)

@@ -36,7 +36,6 @@ def test_drawn_shapes_are_closed_outward_and_as_large_as_the_true_ones(kind, vol
         assert mesh.closed
         assert 0.98 * volume(*sizes) <= mesh.volume <= (1.0 + 1e-9) * volume(*sizes)
         outline = row.outline
-        assert outline is not None
         reach = (mesh.vertices @ directions.T).max(axis=0)
         true = outline.support(shape, directions)
         assert (reach <= true * (1.0 + 1e-9)).all()

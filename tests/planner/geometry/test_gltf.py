@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hdplan import InputError, Mesh
 from hdplan.planner.geometry.mesh_files import files_beside, mesh_stamps, read_mesh_file
 from hdplan.planner.geometry.meshes import load_mesh
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.shapes import Mesh
 from tests.planner.geometry.other_readers import SAME, apart, by_assimp, by_trimesh
 
 KINDS = {"<i1": 5120, "<u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
@@ -298,10 +297,7 @@ def plain() -> dict[str, Any]:
             {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
             {"bufferView": 1, "componentType": 5123, "count": 12, "type": "SCALAR"},
         ],
-        "bufferViews": [
-            {"buffer": 0, "byteLength": 48},
-            {"buffer": 0, "byteOffset": 48, "byteLength": 24},
-        ],
+        "bufferViews": [{"buffer": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 24}],
         "buffers": [{"byteLength": 72, "uri": "data:application/octet-stream;base64," + b64encode(data).decode()}],
     }
 

@@ -118,11 +118,7 @@ def ply(*lines: str, head: str = "ascii", vertex: str = "", rows: str = "0 0 0\n
         ),
         ("ply", ply(vertex="property float w", rows=""), "element 'vertex': the property 'w' is not known"),
         ("ply", ply("property list uchar int more", rows=""), "element 'face': the property 'more' is not known"),
-        (
-            "ply",
-            ply("property double vertex_index", rows=""),
-            "'face': does not have exactly one list of whole",
-        ),
+        ("ply", ply("property double vertex_index", rows=""), "'face': does not have exactly one list of whole"),
         ("ply", ply("element vertex 3", rows=""), "'vertex' appears twice"),
         ("ply", ply() + "0 0 0\n", "continues after its end: its header says 4 rows, and it holds 5"),
         ("ply", ply().replace("0 1 2\n", "0 1 2 3\n"), "line 13: '3 0 1 2 3': 'face' needs numbers"),
@@ -173,7 +169,6 @@ def test_strips_of_a_ply_turn_every_second_triangle_and_restart_after_minus_one(
         assert meshes_files.different(vertices[triangles], points[np.array(truth)]) == ""
         if not beside and len(lists) == 1:
             theirs = meshes_files.by_assimp(path)
-            assert theirs is not None
             assert meshes_files.different(vertices[triangles], theirs) == ""
     for wrong, words in (
         ([0, 1, -1, 2, 3, 4], "tristrips 0 .*: a strip has at least 3 corners, not 2"),

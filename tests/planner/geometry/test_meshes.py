@@ -10,6 +10,7 @@ import trimesh
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from hdplan import InputError, Mesh, Obstacle, Sphere
 from hdplan.planner.certificate.exact_proximity import MOST_PIECES, best_direction, mesh_pieces, obstacle_pieces
 from hdplan.planner.certificate.part_distance import distance
 from hdplan.planner.collision import convex_pieces as module
@@ -17,9 +18,6 @@ from hdplan.planner.collision.convex_pieces import convex_pieces
 from hdplan.planner.collision.halfspace_bodies import from_obstacle
 from hdplan.planner.geometry.meshes import TriangleMesh, connected, load_mesh
 from hdplan.planner.geometry.opened import with_content
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.shapes import Mesh, Sphere
 
 
 def read(mesh: trimesh.Trimesh, path: Path, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> TriangleMesh:
@@ -144,7 +142,6 @@ def test_pieces_of_any_mesh_are_few_and_hold_all_of_its_surface() -> None:
         surfaces = [piece.surface.mesh for piece in pieces if piece.surface]
         assert sum(map(area, surfaces)) == pytest.approx(area(mesh))
         for piece in pieces:
-            assert piece.surface is not None
             np.testing.assert_array_less(
                 np.abs(piece.surface.mesh.vertices - piece.center).max(), piece.radius * (1 + 1e-9)
             )

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 import trimesh
 
+import hdplan
+from hdplan import Attached, Cloud, HdplanError, InputError, Mesh, Obstacle, Pose, RobotSpec, Scene, Timing, Voxels
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.exact_proximity import obstacle_pieces
 from hdplan.planner.certificate.solids import obstacle_bodies
@@ -20,26 +22,11 @@ from hdplan.planner.collision.halfspace_bodies import from_obstacle
 from hdplan.planner.geometry.coal_shapes import mesh_of
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh, load_mesh
 from hdplan.planner.geometry.opened import opened, with_content
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.recorded_page import page_of
-from hdplan.planner.pictures.scene import Picture
 from hdplan.planner.problem.assemble import assemble
-from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.scenes.attached import Attached
-from hdplan.scenes.clouds import Cloud
-from hdplan.scenes.depth_images import DepthImage
-from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.planner_settings import PlannerSettings
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.timing import Timing
-from hdplan.scenes.voxel_grids import Voxels
 from hdplan.scenes.yaml_format.writer import scene_text
 
 from ..urdf import joint_text, link_text, write_robot
@@ -73,7 +60,7 @@ def scene_of(folder: Path) -> Scene:
     shapes = {
         "ring": Mesh(folder / "ring.stl"),
         "cloud": Cloud(folder / "points.npy", 0.01, ignore_robot=0.001),
-        "view": Cloud(DepthImage(folder / "image.npy", (50.0, 50.0, 2.0, 2.0), scale=1.0)),
+        "view": Cloud(hdplan.DepthImage(folder / "image.npy", (50.0, 50.0, 2.0, 2.0), scale=1.0)),
         "grid": Voxels(folder / "grid.npy", 0.05),
     }
     places = ((0.0, 1.5, 0.0), (0.0, -1.5, 0.0), (-1.5, 0.0, -2.0), (0.0, 1.5, 0.5))
@@ -83,20 +70,24 @@ def scene_of(folder: Path) -> Scene:
         RobotSpec(urdf=folder / "arm.urdf"),
         (
             *(Obstacle(name, shape, Pose(at)) for (name, shape), at in zip(shapes.items(), places, strict=True)),
-            Obstacle("comes", Mesh(folder / "bar.stl", 0.5), Pose((0.0, 2.0, 0.0)), motion=SteadyMotion((0.01, 0, 0))),
+            Obstacle(
+                "comes", Mesh(folder / "bar.stl", 0.5), Pose((0.0, 2.0, 0.0)), motion=hdplan.SteadyMotion((0.01, 0, 0))
+            ),
         ),
         JointTarget("start", (-0.4,)),
         JointTarget("goal", (0.4,)),
         attached=(Attached("held", "bar", Mesh(folder / "ring.stl"), Pose((1.1, 0.0, 0.0))),),
         timing=Timing(duration=2.0),
-        planner=PlannerSettings(link_bodies="box"),
+        planner=hdplan.PlannerSettings(link_bodies="box"),
     )
 
 
 def test_a_setup_needs_no_file_after_it_is_built(folder: Path) -> None:
     """The files are deleted once the Setup stands: planner, certificate and pictures say the same as with them."""
+    from hdplan.planner.pictures.scene import Picture
+
     scene = scene_of(folder)
-    motion = Trajectory(("turn",), np.linspace(-0.4, 0.4, 5)[:, None], times=np.linspace(0.0, 2.0, 5))
+    motion = hdplan.Trajectory(("turn",), np.linspace(-0.4, 0.4, 5)[:, None], times=np.linspace(0.0, 2.0, 5))
     before = Certifier(Setup.of(scene)).certify(motion, check_ends=False)
     setup = Setup.of(replace(scene, name="again"))
     shutil.rmtree(folder)
@@ -213,7 +204,7 @@ def test_a_scenes_mesh_in_which_z_is_not_up_is_refused_a_links_stands_as_it_is(t
     for up in ("Z_UP", "Y_UP", "X_UP"):
         file = tmp_path / f"{up}.dae"
         file.write_text(TRIANGLES.format(up=up))
-        robot = load_robot(RobotSpec(urdf=write_arm(tmp_path / "arm.urdf", file.name)))
+        robot = hdplan.load_robot(RobotSpec(urdf=write_arm(tmp_path / "arm.urdf", file.name)))
         assert robot.collision.geometryObjects[0].geometry.num_vertices == 4
         obstacle = Obstacle("part", Mesh(file))
         if up == "Z_UP":

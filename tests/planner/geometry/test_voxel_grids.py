@@ -13,19 +13,12 @@ import pytest
 from numpy.typing import NDArray
 
 import hdplan
+from hdplan import Box, InputError, Obstacle, OctoMap, Pose, Scene, SteadyMotion, Timing, Voxels, load_scene
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.geometry.octomap_files import DEPTH, read_octomap
 from hdplan.planner.geometry.voxel_grids import boxes_in, merged, read_map
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box
-from hdplan.scenes.timing import Timing
-from hdplan.scenes.voxel_grids import OctoMap, Voxels
-from hdplan.scenes.yaml_format.reader import load_scene
 
 Grid = NDArray[np.bool_]
 START = [-0.5, 0.3, 0.0, -1.8, 0.0, 2.1, 0.785]
@@ -238,12 +231,10 @@ def test_a_map_is_certified_as_its_cells_are(moves: bool) -> None:
         certifier = Certifier(Setup.of(scene))
         for time in (0.0, 1.0, 2.0):
             near, _ = certifier.nearest(np.array(START), time=time)
-            assert near is not None
             placed = pin.SE3ToXYZQUAT(pin.SE3(ObstacleMotion.of(grid_map).at(np.array([time]))[0]))
             there = Obstacle("map", Voxels(grid, 0.04), Pose(tuple(placed[:3].tolist()), tuple(placed[3:].tolist())))
             still = Scene(robot="panda", obstacles=(there,), start=START, goal=goal)
             expected, _ = Certifier(Setup.of(still)).nearest(np.array(START))
-            assert expected is not None
             assert near.distance == pytest.approx(expected.distance, abs=1e-6)
         return
     centres = 0.04 * (np.argwhere(grid) + 0.5) @ pose.matrix[:3, :3].T + pose.matrix[:3, 3]

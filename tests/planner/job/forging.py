@@ -5,17 +5,24 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import hdplan
+from hdplan import Trajectory
 from hdplan.verify.bundle import MAGIC as JOB_MAGIC, parts_of
 from hdplan.verify.checking import Verdict, check_job
 from hdplan.verify.compare import plain
 from hdplan.verify.job import read_job
 from hdplan.verify.kernel import MAGIC, unpack
 
+from ..links import place_of
+
 Worlds = list[dict[str, Any]]
+Forgery = Callable[[Trajectory], Trajectory]
 
 
 def written(result: hdplan.JobResult, folder: Path) -> tuple[Path, Path]:
@@ -25,6 +32,25 @@ def written(result: hdplan.JobResult, folder: Path) -> tuple[Path, Path]:
     result.scene.save(scene)
     result.save(motion)
     return scene, motion
+
+
+def tip() -> Any:
+    """The place (3,) between the Panda's fingers at its default state."""
+    robot = hdplan.load_robot("panda")
+    return place_of(robot, "panda_hand_tcp", [robot.named_states["default"][x] for x in robot.joint_names]).translation
+
+
+def on_a_shelf(finger: float, **fields: Any) -> hdplan.Scene:
+    """A bar stands there on a shelf; the fingers are so far open, and a ball is far away."""
+    robot = hdplan.load_robot("panda")
+    start = {x: robot.named_states["default"][x] for x in robot.joint_names}
+    start |= {"panda_finger_joint1": finger, "panda_finger_joint2": finger}
+    obstacles = [
+        hdplan.Obstacle("bar", hdplan.Box([0.02, 0.02, 0.06]), list(tip() - [0, 0, 0.025])),
+        hdplan.Obstacle("shelf", hdplan.Box([0.1, 0.1, 0.02]), list(tip() - [0, 0, 0.065])),
+        hdplan.Obstacle("far", hdplan.Sphere(0.05), [0.0, 0.9, 0.5]),
+    ]
+    return hdplan.Scene(robot="panda", start=start, obstacles=obstacles, **fields)
 
 
 def packed(parts: list[bytes]) -> bytes:
@@ -62,5 +88,35 @@ def signed(scene: Path, motion: Path, data: bytes) -> bytes:
 
 
 def judged(scene: Path, motion: Path, data: bytes) -> Verdict:
-    """What the checker says once a forger has signed."""
+    """The verdict of the checker once a forger has signed."""
     return check_job(scene, motion, signed(scene, motion, data))[0]
+
+
+def shifted(key: str, row: int, column: str, by: float, stage: str = "") -> Forgery:
+    """A value of one joint changed in a row of the motion, counted from where a stage begins."""
+
+    def change(motion: Trajectory) -> Trajectory:
+        values, begins = np.array(getattr(motion, key)), {mark.name: mark.row for mark in motion.stages}
+        values[begins.get(stage, 0) + row, motion.joint_names.index(column)] += by
+        return replace(motion, **{key: values})
+
+    return change
+
+
+def marked(by: int, *names: str) -> Forgery:
+    """Stages that begin some rows later."""
+
+    def change(motion: Trajectory) -> Trajectory:
+        marks = tuple(replace(each, row=each.row + by * (each.name in names)) for each in motion.stages)
+        return replace(motion, stages=marks)
+
+    return change
+
+
+def body(world: dict[str, Any], name: str) -> dict[str, Any]:
+    (found,) = [each for each in world["bodies"] if each["name"] == name]
+    return dict(found)
+
+
+def change_body(world: dict[str, Any], name: str, **changes: Any) -> None:
+    world["bodies"] = [{**each, **changes} if each["name"] == name else each for each in world["bodies"]]

@@ -10,20 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 import hdplan
+from hdplan import InputError, JobResult, StageMark
 from hdplan.planner.job import blending
 from hdplan.planner.job.proof import prove_certified
-from hdplan.planner.job.result import JobResult
-from hdplan.planner.motion.trajectory import StageMark
-from hdplan.scenes.errors import InputError
 from hdplan.verify.balls import RejectedError
 from hdplan.verify.checking import check_job
 
+from ..links import along, place_of, pose_of
 from .forging import written
 
 TOOL, FAR, ANGLE = "panda_link8", 1e-5, 1e-4
@@ -40,18 +38,8 @@ def job_of(*stages: Any, **more: Any) -> hdplan.Scene:
     return hdplan.Scene(robot="panda", start=START, limits=LIMITS, job=hdplan.Job(stages), **more)
 
 
-def driven(result: JobResult, step: float = 1e-3) -> tuple[Any, Any, Any]:
-    """Times, positions and rotations of the tool over the whole motion, by Pinocchio."""
-    robot, motion = hdplan.load_robot("panda"), result.trajectory
-    assert motion.times is not None
-    times = np.append(np.arange(0.0, motion.times[-1], step), motion.times[-1])
-    columns = [motion.joint_names.index(joint) for joint in robot.joint_names]
-    data, frame, places = robot.model.createData(), robot.model.getFrameId(TOOL), []
-    for q in motion.at_time(times).positions[:, columns]:
-        pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-        places.append(data.oMf[frame].homogeneous.copy())
-    poses = np.array(places)
-    return times, poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3])
+def driven(result: JobResult) -> tuple[Any, Any, Any]:
+    return along(hdplan.load_robot("panda"), TOOL, result.trajectory)
 
 
 def trapezoid(length: float, speed: float, acceleration: float, step: float) -> Any:
@@ -93,7 +81,7 @@ def apart(places: Any, curve: Any) -> float:
 
 
 def check_motion(result: JobResult) -> None:
-    """At rest at both ends, moving where stages meet, within the limits, without a jump of the velocity."""
+    """The motion rests at both ends, moves where stages meet, within the limits, without a jump of the velocity."""
     motion = result.trajectory
     assert motion.velocities is not None
     assert np.abs(motion.velocities[[0, -1]]).max() == 0.0
@@ -109,7 +97,7 @@ def check_motion(result: JobResult) -> None:
 
 
 def line_and_arc(**tolerances: float) -> JobResult:
-    """With speeds of their own: the blend takes as long as the slower one is in the ball."""
+    """Both have speeds of their own: the blend takes as long as the slower one is in the ball."""
     found = hdplan.plan_job(
         job_of(
             hdplan.Line(to=P2, name="line", tool_speed=0.5, tool_acceleration=0.8, blend=0.1, **tolerances),
@@ -134,7 +122,7 @@ def coarse() -> JobResult:
 
 
 def test_curves_blend_as_pilz_does_it(planned: JobResult) -> None:
-    """At 1,000 random places, by a simulation in steps of 0.2 ms."""
+    """A simulation in steps of 0.2 ms says the same at 1,000 random places."""
     step = 2e-4
     _, places, _ = driven(planned)
     first = P1 + trapezoid(0.3, 0.5, 0.8, step)[:, None] / 0.3 * (P2 - P1)
@@ -155,13 +143,10 @@ def test_curves_blend_as_pilz_does_it(planned: JobResult) -> None:
 
 
 def test_without_speeds_both_brake_and_accelerate_evenly() -> None:
-    """In closed form; and it takes less time than the two lines one by one."""
-    stages = [hdplan.Line(to=P2, turn=None, blend=0.12, **FINE), hdplan.Line(to=P3, rpy=[0.3, -0.2, 1.0], **FINE)]
-    robot, data = hdplan.load_robot("panda"), hdplan.load_robot("panda").model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(np.array(START)))
-    rotation = data.oMf[robot.model.getFrameId(TOOL)].rotation
+    """The curve has a closed form, and it takes less time than the two lines one by one."""
+    rotation = place_of(hdplan.load_robot("panda"), TOOL, START).rotation
     turned = Rotation.from_rotvec([0.2, -0.1, 0.3]) * Rotation.from_matrix(rotation)
-    stages[1] = hdplan.Line(to=P3, rpy=turned.as_euler("xyz"), **FINE)
+    stages = [hdplan.Line(to=P2, blend=0.12, **FINE), hdplan.Line(to=P3, rpy=turned.as_euler("xyz"), **FINE)]
     result = hdplan.plan_job(job_of(*stages))
     assert result.certified, result.text
     _, places, turns = driven(result)
@@ -416,14 +401,9 @@ def test_an_end_while_blending_leaves_stops(monkeypatch: pytest.MonkeyPatch, pre
 
 def test_moves_to_several_goals_blend_into_moves() -> None:
     """One of several goals is enough, of poses together each counts."""
-    robot, data = hdplan.load_robot("panda"), hdplan.load_robot("panda").model.createData()
     first, last = np.array(START) + [0.5, 0.2, 0.1, 0.2, 0, 0.1, 0], np.array(START) + [0.2, -0.6, 0, 0.1, 0, 0, 0]
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(first))
-    near, elbow = (
-        hdplan.PoseTarget(link, hdplan.Pose(place.translation, pin.Quaternion(place.rotation).coeffs()))
-        for link in (TOOL, "panda_link4")
-        for place in [data.oMf[robot.model.getFrameId(link)]]
-    )
+    robot = hdplan.load_robot("panda")
+    near, elbow = (hdplan.PoseTarget(link, pose_of(robot, link, first)) for link in (TOOL, "panda_link4"))
     both = hdplan.AllOf([near, elbow])
     result = hdplan.plan_job(job_of(hdplan.Move(both, name="there", blend=0.06), hdplan.Move(last)))
     assert result.certified, result.text

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
 import hdplan
-from hdplan.planner.job.result import JobResult
+from hdplan import HdplanError, InputError, JobResult, UnsolvableError
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.scenes.errors import HdplanError, InputError, UnsolvableError
+
+from ..links import along
 
 TOOL, DOWN, PLACE = "panda_hand_tcp", [math.pi, 0.0, 0.0], [0.45, 0.1, 0.35]
 FAR, ANGLE = 1e-4, math.radians(0.1)
@@ -58,16 +58,7 @@ def planned() -> JobResult:
 
 
 def tool_at(stage: hdplan.StageCertificate, step: float = 1e-3) -> tuple[Any, Any, Any]:
-    """Times, positions and rotations of the tool, by Pinocchio."""
-    robot, motion = hdplan.load_robot("panda"), stage.trajectory
-    assert motion.times is not None
-    times = np.append(np.arange(motion.times[0], motion.times[-1], step), motion.times[-1])
-    data, frame, places = robot.model.createData(), robot.model.getFrameId(TOOL), []
-    for q in motion.at_time(times).positions:
-        pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-        places.append(data.oMf[frame].homogeneous.copy())
-    poses = np.array(places)
-    return times, poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3])
+    return along(hdplan.load_robot("panda"), TOOL, stage.trajectory, step)
 
 
 def stage_named(planned: JobResult, name: str) -> hdplan.StageCertificate:
@@ -76,7 +67,7 @@ def stage_named(planned: JobResult, name: str) -> hdplan.StageCertificate:
 
 
 def test_a_turning_line(planned: JobResult) -> None:
-    """On the line; turned by the share of the way that is done."""
+    """The tool stays on the line, turned by the share of the way that is done."""
     _, places, turns = tool_at(stage_named(planned, "turning"))
     way = turns[0].apply([0.05, 0.1, 0.0])
     length = np.linalg.norm(way)

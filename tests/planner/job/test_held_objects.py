@@ -10,10 +10,10 @@ import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan import InputError, JobResult
 from hdplan.planner.job.proof import prove_job
-from hdplan.planner.job.result import JobResult
-from hdplan.scenes.errors import InputError
 
+from ..links import place_of
 from .forging import written
 
 LIMITS = hdplan.Limits(acceleration=8.0)
@@ -49,14 +49,12 @@ def placed() -> JobResult:
 
 
 def test_a_held_object_is_brought_to_a_pose_like_a_link(placed: JobResult, tmp_path: Path) -> None:
-    """By Pinocchio: where the cup has the bar since it took it, all the way; the bar's own line is straight."""
+    """The cup keeps the bar where it took it, all the way, by Pinocchio; the bar's own line is straight."""
     assert placed.certified, placed.text
-    model = hdplan.load_robot(placed.scene.robot).model
-    data, frame, motion = model.createData(), model.getFrameId("ee_link"), placed.trajectory
+    robot, motion = hdplan.load_robot(placed.scene.robot), placed.trajectory
 
     def hand(row: int) -> pin.SE3:
-        pin.framesForwardKinematics(model, data, motion.positions[row])
-        return data.oMf[frame].copy()
+        return place_of(robot, "ee_link", motion.positions[row])
 
     rows = [mark.row for mark in motion.stages]
     (bar,) = [each for each in placed.scene.obstacles if each.name == "bar"]

@@ -21,7 +21,7 @@ from hdplan.verify.checking import check, check_job, check_part
 from hdplan.verify.job import read_job
 
 from ..proof.worlds import packed as packed_world, unpacked
-from .forging import judged, packed, worlds, written
+from .forging import Forgery, body, change_body, judged, marked, packed, worlds, written
 
 Files = tuple[Path, Path, bytes]
 URDF = """<robot name="sliders"><link name="root"/>{}</robot>"""
@@ -70,36 +70,31 @@ def files(scene: hdplan.Scene, tmp_path_factory: pytest.TempPathFactory) -> File
     return path, motion, prove_job(path, motion).data
 
 
-def bar_of(world: dict[str, Any]) -> dict[str, Any]:
-    (found,) = [x for x in world["bodies"] if x["name"] == "bar"]
-    return dict(found)
-
-
 def test_a_handover_is_proven_in_full(files: Files) -> None:
-    """With the joint that carries the bar, and what may touch it, in every stage."""
+    """The joint that carries the bar, and what may touch it, are known in every stage."""
     scene, motion, data = files
     verdict, read = check_job(scene, motion, data)
     assert verdict.whole
     assert judged(scene, motion, data).whole  # the forger's pen writes what is read
     assert "bar follows its curve of 2 poses" in verdict.text
     left, right = (["left_x", "right_x"].index(x) for x in ("left_x", "right_x"))
-    carried = [bar_of(x)["joint"] for x in read]
+    carried = [body(x, "bar")["joint"] for x in read]
     assert carried == [-1, -1, left, left, left, left, left, right, right, right, -1]
     touching = [
         {x for pair in world["not_compared"] if "bar" in pair and pair[2] == "touch_links" for x in pair[:2]} - {"bar"}
         for world in read
     ]
     assert touching[4:9] == [{"right"}, {"right"}, {"right"}, set(), set()]  # beside the hand that holds it
-    np.testing.assert_allclose(bar_of(read[-1])["position"], [0.2, 0.0, 0.0], atol=1e-3)
+    np.testing.assert_allclose(body(read[-1], "bar")["position"], [0.2, 0.0, 0.0], atol=1e-3)
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"both": None}, "'bar' is no link or held object that moves"),  # nobody has it when the first lets go
+        ({"both": None}, "'bar' is not a link or held object that moves"),  # nobody has it when the first lets go
         ({"gives": None}, "one has to let go before an arm moves"),
         ({"both": {"link": "left_tool", "touch": TOUCH["left"]}}, "which moves with 'left_tool'"),
-        ({"both": {"link": "root", "touch": []}}, "'bar' is no link or held object that moves"),
+        ({"both": {"link": "root", "touch": []}}, "'bar' is not a link or held object that moves"),
         ({"both": {"link": "left", "touch": TOUCH["right"]}}, "'right' does not move with 'left'"),
         ({"meets": {"touch": TOUCH["right"]}}, None),  # another list of what touches
         ({"both": {"touch": []}}, None),
@@ -108,7 +103,7 @@ def test_a_handover_is_proven_in_full(files: Files) -> None:
         ({"brings": {"goal": hdplan.PoseTarget("left", hdplan.Pose())}}, None),  # of another link
         ({"brings": {"goal": hdplan.PoseTarget("bar", hdplan.Pose())}}, None),  # turned otherwise
         ({"comes": {"goal": hdplan.PoseTarget("bar", hdplan.Pose())}}, "nothing of this name is held"),
-        ({"away": {"link": "bar"}}, "'bar' is no link or held object that moves"),
+        ({"away": {"link": "bar"}}, "'bar' is not a link or held object that moves"),
         ({"carries": {"by": [0.202, 0.0, 0.0]}}, None),
         ({"carries": {"link": "left"}}, None),
         ({"carries": {"frame": "bar"}}, None),
@@ -117,7 +112,7 @@ def test_a_handover_is_proven_in_full(files: Files) -> None:
 def test_the_proof_of_another_job_is_rejected(
     scene: hdplan.Scene, files: Files, tmp_path: Path, changes: dict[str, Any], words: str | None
 ) -> None:
-    """Though the forger writes hashes and worlds of the files that are read."""
+    """The forger writes hashes and worlds of the files that are read."""
     _, motion, data = files
     other, moved = tmp_path / "other.yaml", Trajectory.load(motion)
     replace(scene, goal=None, job=job(**changes)).save(other)
@@ -133,26 +128,19 @@ def test_a_forged_motion_is_rejected(files: Files, tmp_path: Path) -> None:
     old = Trajectory.load(motion)
     rows = {mark.name: mark.row for mark in old.stages}
 
-    def drift(stage: str, joint: str) -> Callable[[], Trajectory]:
-        def change() -> Trajectory:
-            positions = old.positions.copy()
-            positions[rows[stage] + 1 :, old.joint_names.index(joint)] += 1e-4
-            return replace(old, positions=positions)
+    def drift(stage: str, joint: str) -> Forgery:
+        def change(motion: Trajectory) -> Trajectory:
+            positions = motion.positions.copy()
+            positions[rows[stage] + 1 :, motion.joint_names.index(joint)] += 1e-4
+            return replace(motion, positions=positions)
 
         return change
 
-    def marked(name: str, by: int) -> Callable[[], Trajectory]:
-        def change() -> Trajectory:
-            return replace(old, stages=tuple(replace(x, row=x.row + by * (x.name == name)) for x in old.stages))
-
-        return change
-
+    later = (("takes", -3), ("both", -3), ("goes", 3), ("carries", 3), ("away", 3))
     changes = [drift(stage, joint) for stage in ("both", "stand", "gives") for joint in ("left_x", "right_x")]
-    changes += [
-        marked(name, by) for name, by in (("takes", -3), ("both", -3), ("goes", 3), ("carries", 3), ("away", 3))
-    ]
+    changes += [marked(by, name) for name, by in later]
     for i, change in enumerate(changes):
-        change().save(tmp_path / f"{i}.json")
+        change(old).save(tmp_path / f"{i}.json")
         with pytest.raises(RejectedError):
             judged(scene, tmp_path / f"{i}.json", data)
 
@@ -163,11 +151,11 @@ def test_a_proof_cannot_say_who_holds_it(files: Files) -> None:
     parts = worlds(data)
 
     def bars(**changes: Any) -> Callable[[dict[str, Any]], Any]:
-        return lambda x: x.update(bodies=[{**y, **changes} if y["name"] == "bar" else y for y in x["bodies"]])
+        return lambda x: change_body(x, "bar", **changes)
 
     changes: list[Callable[[dict[str, Any]], Any]] = [
         bars(joint=0), bars(joint=1), bars(joint=-1), bars(kind="held"), bars(kind="obstacle"),
-        lambda x: bars(position=(np.array(bar_of(x)["position"]) + 1e-7).tolist())(x),
+        lambda x: bars(position=(np.array(body(x, "bar")["position"]) + 1e-7).tolist())(x),
         lambda x: x.update(not_compared=sorted([*x["not_compared"], ["bar", "left", "touch_links"]])),
         lambda x: x.update(not_compared=[y for y in x["not_compared"] if "right" not in y]),
         lambda x: [y.update(link="left") for y in x["path"]],
@@ -187,7 +175,7 @@ def test_a_proof_cannot_say_who_holds_it(files: Files) -> None:
 
 
 def test_a_single_motion_leads_what_is_held(scene: hdplan.Scene, tmp_path: Path) -> None:
-    """To a pose of its own frame, where it is, and nowhere else; what does not move is nothing to lead."""
+    """Its own frame is led to a pose, and nowhere else; a link that does not move cannot be led."""
     bar = hdplan.Attached("bar", "left", scene.obstacles[0].shape, hdplan.Pose.from_rpy([0.13, 0.0, 0.0], [0, 0, 0.3]))
     there = hdplan.Pose.from_rpy([0.0, 0.0, 0.0], [0.0, 0.0, 0.3])
     path = hdplan.PathConstraints(upright=hdplan.Upright("bar", "z", 0.01))

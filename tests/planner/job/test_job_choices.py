@@ -80,7 +80,7 @@ class Done:
 
 @pytest.mark.parametrize("pressed", [False, True])
 def test_an_interrupted_job_says_so_and_keeps_what_is_planned(monkeypatch: pytest.MonkeyPatch, pressed: bool) -> None:
-    """By `stop`, or by Ctrl-C, in the second stage."""
+    """The interruption is `stop`, or Ctrl-C, in the second stage."""
     stopped = False
     plainly = Certain.done
 
@@ -116,7 +116,7 @@ def test_no_choice_takes_all_of_the_time(monkeypatch: pytest.MonkeyPatch, fails:
     assert search.refused == ([(2, "", "cannot be done")] if fails else [])
 
 
-def test_where_no_grasp_works_each_says_why() -> None:
+def test_without_a_grasp_that_works_each_says_why() -> None:
     """Two grasps lead to a line out of reach; the third one is inside the floor."""
     floor = hdplan.Box([0.6, 1.2, 0.2], name="floor", pose=[0.5, 0.0, -0.1])
     poses = [above([0.5, 0.2, 0.3], DOWN), above([0.5, 0.2, 0.3], ACROSS), above([0.5, 0.2, -0.1], DOWN)]

@@ -80,7 +80,7 @@ def test_commands_take_a_job_or_refuse_it(command: Command) -> None:
 
 
 def test_plan_writes_proof_and_sheet(command: Command) -> None:
-    """As of a single motion: the proof is that of the files, the sheet a picture of the stages."""
+    """The proof is that of the files, as of a single motion, the sheet a picture of the stages."""
     Path("job.yaml").write_text(SCENE, encoding="utf-8")
     code, out, _ = command("plan job.yaml -o motion.json --proof job.proof --plot sheet.svg")
     assert code == 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,12 +14,10 @@ import pytest
 import yaml
 
 import hdplan
+from hdplan import InputError, Scene, StageMark, Trajectory
 from hdplan.planner.commands.verify import run_verify
-from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.proof import prove_job
-from hdplan.planner.motion.trajectory import StageMark, Trajectory
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.scene import Scene
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.verify.balls import HERE, RejectedError
 from hdplan.verify.bundle import parts_of
 from hdplan.verify.checking import check_job, check_part
@@ -30,7 +27,7 @@ from hdplan.verify.reach import between
 from hdplan.verify.scene import solid
 from hdplan.verify.world import Piece, shape_of
 
-from .forging import judged, packed, worlds, written
+from .forging import Forgery, body, change_body, judged, marked, on_a_shelf, packed, shifted, worlds, written
 
 FINGER = "panda_finger_joint1"
 HAND = ["panda_leftfinger", "panda_rightfinger"]
@@ -56,18 +53,7 @@ def job(**changes: Any) -> hdplan.Job:
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    robot = hdplan.load_robot("panda")
-    states = robot.named_states["default"]
-    start = {**{x: states[x] for x in robot.joint_names}, FINGER: 0.02, "panda_finger_joint2": 0.02}
-    tip = link_pose(robot, np.array([start[x] for x in robot.joint_names]), "panda_hand_tcp")[:3, 3]
-    bar, shelf = hdplan.Box([0.02, 0.02, 0.06]), hdplan.Box([0.1, 0.1, 0.02])
-    obstacles = [
-        hdplan.Obstacle("bar", bar, list(tip - [0, 0, 0.025])),
-        hdplan.Obstacle("shelf", shelf, list(tip - [0, 0, 0.065])),
-        hdplan.Obstacle("far", hdplan.Sphere(0.05), [0.0, 0.9, 0.5]),
-    ]
-    limits = hdplan.Limits(acceleration=4.0)
-    return hdplan.Scene(robot="panda", start=start, limits=limits, obstacles=obstacles, job=job())
+    return on_a_shelf(0.02, limits=hdplan.Limits(acceleration=4.0), job=job())
 
 
 @pytest.fixture(scope="module")
@@ -86,10 +72,10 @@ def test_the_whole_job_is_accepted(files: tuple[Path, Path, bytes], capsys: pyte
     assert verdict.text.startswith("accepted: a job of 5 stages")
     assert len(read) == 7  # two where fingers move
     assert judged(scene, motion, data).whole  # the forger's pen writes what is read
-    assert run_verify(str(scene), motion, scene.with_suffix(".proof")) == 0
+    assert run_verify(GivenScene(str(scene)), motion, scene.with_suffix(".proof")) == 0
     assert "stage lift: accepted: over the whole motion" in capsys.readouterr().out
     with pytest.raises(InputError, match="--world: is about a single motion"):
-        run_verify(str(scene), motion, scene.with_suffix(".proof"), world=scene.with_name("world.json"))
+        run_verify(GivenScene(str(scene)), motion, scene.with_suffix(".proof"), world=scene.with_name("world.json"))
 
 
 def test_parts_are_those_of_the_stages(files: tuple[Path, Path, bytes]) -> None:
@@ -111,15 +97,6 @@ def test_parts_are_those_of_the_stages(files: tuple[Path, Path, bytes]) -> None:
             check_job(scene, motion, each)
 
 
-def body(world: dict[str, Any], name: str) -> dict[str, Any]:
-    (found,) = [x for x in world["bodies"] if x["name"] == name]
-    return dict(found)
-
-
-def bodies(world: dict[str, Any], name: str, **changes: Any) -> None:
-    world["bodies"] = [{**x, **changes} if x["name"] == name else x for x in world["bodies"]]
-
-
 def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
     """A hold left out, another place after release, allowed contacts in another stage, limits, joints of the hand,
     the motion: of any part."""
@@ -128,7 +105,7 @@ def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
     parts = read_job(scene, motion, written)
 
     def moved(name: str) -> Any:
-        return lambda x: bodies(x, name, position=[a + 1e-6 for a in body(x, name)["position"]])
+        return lambda x: change_body(x, name, position=[a + 1e-6 for a in body(x, name)["position"]])
 
     def without(name: str) -> Any:
         return lambda x: x.update(bodies=[y for y in x["bodies"] if y["name"] != name])
@@ -137,8 +114,8 @@ def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
     changes += [
         lambda x: x.update(not_compared=sorted([*x["not_compared"], ["bar", "panda_link5", "touch_links"]])),
         lambda x: x.update(not_compared=x["not_compared"][1:]),
-        lambda x: bodies(x, "bar", joint=3),
-        lambda x: bodies(x, "shelf", kind="held" if body(x, "shelf")["kind"] == "obstacle" else "obstacle"),
+        lambda x: change_body(x, "bar", joint=3),
+        lambda x: change_body(x, "shelf", kind="held" if body(x, "shelf")["kind"] == "obstacle" else "obstacle"),
         lambda x: x.update(limits={**x["limits"], "position": x["limits"]["position"][::-1] + [[0.0, 1.0]]}),
         lambda x: x.update(held={y: at + 1e-3 for y, at in x["held"].items()}),
         lambda x: x.update(clearances={**x["clearances"], "self": -1.0}),
@@ -154,53 +131,31 @@ def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
                 check_part(part, forged)
 
 
-def changed_motion(motion: Path, change: Callable[[Trajectory], Trajectory], to: Path) -> Path:
-    change(Trajectory.load(motion)).save(to)
-    return to
-
-
-def shifted(key: str, row: int, column: str, by: float) -> Callable[[Trajectory], Trajectory]:
-    def change(motion: Trajectory) -> Trajectory:
-        values = np.array(getattr(motion, key))
-        values[row, motion.joint_names.index(column)] += by
-        return replace(motion, **{key: values})
-
-    return change
-
-
 @pytest.mark.core
 def test_a_forged_motion_is_rejected(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
-    """Though hashes and worlds in the proof are those of the forged files."""
+    """Hashes and worlds in the proof are those of the forged files."""
     scene, motion, data = files
-    rows = {mark.name: mark.row for mark in Trajectory.load(motion).stages}
-
-    def marked(name: str, by: int) -> Callable[[Trajectory], Trajectory]:
-        def change(old: Trajectory) -> Trajectory:
-            marks = [StageMark(x.name, x.row + by * (x.name == name)) for x in old.stages]
-            return replace(old, stages=tuple(marks))
-
-        return change
-
-    changes = [
-        shifted("positions", rows["lift"], FINGER, 1e-3),  # the hand is another where stages meet
-        shifted("positions", rows["lift"] + 3, FINGER, 1e-3),  # opens while it lifts
-        shifted("positions", rows["grip"] + 3, "panda_joint2", 1e-3),  # the arm moves while fingers do
-        shifted("velocities", rows["lift"], "panda_joint2", 1e-2),  # no rest
-        shifted("velocities", rows["let_go"], FINGER, 1e-2),
-        shifted("positions", rows["stand"], "panda_joint4", 5e-3),  # the line ends elsewhere
-        shifted("positions", rows["lift"] + 10, "panda_joint1", 5e-3),  # off the line
+    old = Trajectory.load(motion)
+    changes: list[Forgery] = [
+        shifted("positions", 0, FINGER, 1e-3, "lift"),  # the hand is another where stages meet
+        shifted("positions", 3, FINGER, 1e-3, "lift"),  # opens while it lifts
+        shifted("positions", 3, "panda_joint2", 1e-3, "grip"),  # the arm moves while fingers do
+        shifted("velocities", 0, "panda_joint2", 1e-2, "lift"),  # no rest
+        shifted("velocities", 0, FINGER, 1e-2, "let_go"),
+        shifted("positions", 0, "panda_joint4", 5e-3, "stand"),  # the line ends elsewhere
+        shifted("positions", 10, "panda_joint1", 5e-3, "lift"),  # off the line
         shifted("positions", 0, "panda_joint1", 1e-4),  # another start
-        shifted("positions", rows["stand"] + 1, "panda_joint1", 1e-3),  # moves in a wait
-        *(marked(name, by) for name, by in (("lift", 3), ("lift", -3), ("stand", -3), ("let_go", 3), ("away", -3))),
+        shifted("positions", 1, "panda_joint1", 1e-3, "stand"),  # moves in a wait
+        *(marked(by, name) for name, by in (("lift", 3), ("lift", -3), ("stand", -3), ("let_go", 3), ("away", -3))),
         lambda old: replace(old, stages=old.stages[:-1]),
         lambda old: replace(old, stages=(*old.stages[:2], *old.stages[3:])),
-        lambda old: replace(old, stages=(*old.stages[:1], StageMark("stand", rows["lift"]), *old.stages[3:])),
+        lambda old: replace(old, stages=(old.stages[0], StageMark("stand", old.stages[1].row), *old.stages[3:])),
         lambda old: replace(old, times=np.array(old.times) * 0.5),
     ]
     for i, change in enumerate(changes):
-        other = changed_motion(motion, change, tmp_path / f"{i}.json")
+        change(old).save(tmp_path / f"{i}.json")
         with pytest.raises(RejectedError):
-            judged(scene, other, data)
+            judged(scene, tmp_path / f"{i}.json", data)
 
 
 @pytest.mark.sampled(3)
@@ -234,7 +189,7 @@ def test_the_proof_of_another_job_is_rejected(
 def test_a_released_object_stays_at_its_release_pose(
     scene: Scene, files: tuple[Path, Path, bytes], tmp_path: Path
 ) -> None:
-    """As far as the checker's own kinematics says, and hdplan's."""
+    """The checker's own kinematics and hdplan's agree on that."""
     path, motion, data = files
     first, last = worlds(data)[0], read_job(path, motion, worlds(data))[-1].reading.world
     before, after = (np.array(body(x, "bar")["position"]) for x in (first, last))
@@ -243,7 +198,7 @@ def test_a_released_object_stays_at_its_release_pose(
     np.testing.assert_allclose(after, body(worlds(data)[-1], "bar")["position"], atol=1e-10)
 
 
-def test_what_is_out_of_reach_is_not_held(scene: Scene, files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+def test_an_object_out_of_reach_is_not_held(scene: Scene, files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
     _, motion, data = files
     other = tmp_path / "other.yaml"
     for more in ([["bar", [*HAND, "panda_hand", "shelf"]]], [["bar", [*HAND, "panda_link7"]], ["bar", "shelf"]]):
@@ -255,8 +210,8 @@ def test_what_is_out_of_reach_is_not_held(scene: Scene, files: tuple[Path, Path,
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_how_far_pieces_are_apart(seed: int) -> None:
-    """As coal says, of every shape."""
+def test_the_checkers_distances_of_pieces_are_those_of_coal(seed: int) -> None:
+    """All pairs of shapes are compared."""
     rng = np.random.default_rng(seed)
 
     def rotated() -> np.ndarray:
@@ -283,7 +238,7 @@ def test_how_far_pieces_are_apart(seed: int) -> None:
         assert between(*pieces) == pytest.approx(exact, abs=2e-5)
 
 
-def test_what_no_job_has_is_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+def test_fields_that_no_job_has_are_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
     path, motion, data = files
     written = path.read_text(encoding="utf-8")
     start, wait = '"panda_finger_joint2": 0.02}', '"wait": 0.1'
@@ -304,7 +259,7 @@ def test_what_no_job_has_is_refused_by_name(files: tuple[Path, Path, bytes], tmp
             hdplan.load_scene(other)
 
 
-def test_what_no_job_knows_of_its_world_is_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+def test_sizes_that_no_job_knows_are_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
     """An object that is held would be known exactly, and what is let go stand where it was let go; what may be touched
     stands in no place of its own; and what walks does so by the time of one motion."""
     path, motion, data = files
@@ -322,8 +277,8 @@ def test_what_no_job_knows_of_its_world_is_refused_by_name(files: tuple[Path, Pa
             hdplan.load_scene(other)
 
 
-def test_what_stands_around_may_be_elsewhere_by_a_known_size(scene: Scene, tmp_path: Path) -> None:
-    """In every stage; a proof tells no smaller size, and is none of a scene with a larger one."""
+def test_obstacles_may_be_elsewhere_by_a_known_size(scene: Scene, tmp_path: Path) -> None:
+    """The size holds in every stage; a proof tells no smaller one, and is none of a scene with a larger one."""
     near, size = [0.55, 0.0, 0.95], hdplan.Uncertainty(0.02, 0.1)
     others = [each for each in scene.obstacles if each.name != "far"]
 

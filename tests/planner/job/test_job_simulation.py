@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan import JobResult, Scene
 from hdplan.planner.control.computed_torque import LONGEST_STEP, Execution
 from hdplan.planner.job.places import link_pose
-from hdplan.planner.job.result import JobResult
 from hdplan.planner.job.simulation import replay_job
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.scene import Scene
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +27,7 @@ def planned(scene: Scene) -> JobResult:
 
 
 def test_each_stage_is_no_closer_than_it_is_proven(scene: Scene, planned: JobResult) -> None:
-    """What may touch in a stage is not compared in it; the whole job succeeds."""
+    """Pairs that may touch in a stage are not compared in it; the whole job succeeds."""
     done = replay_job(scene, planned.trajectory)
     assert done.succeeded, done.text
     assert [stage.name for stage, _ in done.stages] == [stage.name for stage in planned.certificate.stages]

@@ -6,11 +6,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import hdplan
 from hdplan.scenes.errors import InputError
+
+from ..links import place_of
 
 LIMITS = hdplan.Limits(acceleration=4.0)
 FINGER = "panda_finger_joint1"
@@ -18,10 +19,7 @@ HAND = ["panda_leftfinger", "panda_rightfinger"]
 
 
 def place(link: str, q: object) -> np.ndarray:
-    robot = hdplan.load_robot("panda")
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.pin_q(np.array(q)))
-    return np.array(pin.updateFramePlacement(robot.model, data, robot.model.getFrameId(link)).translation)
+    return np.array(place_of(hdplan.load_robot("panda"), link, q).translation)
 
 
 def scene(*stages: object, **more: object) -> hdplan.Scene:
@@ -49,7 +47,7 @@ def test_an_arm_that_stands_in_something_moves_no_fingers(away: float) -> None:
             hdplan.plan_job(requested)
 
 
-def test_what_was_allowed_to_touch_must_not_where_fingers_move() -> None:
+def test_a_contact_that_an_earlier_stage_allowed_keeps_fingers_from_moving() -> None:
     """A box that the wrist stands in, which the stage before allows."""
     box = hdplan.Box([0.05, 0.05, 0.05], name="box", pose=[*place("panda_link5", default())])
     touch = [["box", [f"panda_link{i}" for i in range(8)]]]
@@ -60,7 +58,7 @@ def test_what_was_allowed_to_touch_must_not_where_fingers_move() -> None:
 
 
 def test_points_are_ignored_about_where_the_job_begins() -> None:
-    """What lies where the robot comes by later is no image of it."""
+    """Points where the robot comes by later are no image of it."""
     job = [hdplan.Line(by=[0, 0, -0.1]), hdplan.Line(by=[0, 0, -0.05])]
     motion = hdplan.plan_job(scene(*job)).trajectory
     below = place("panda_hand_tcp", motion.positions[motion.stages[1].row]) - [0.0, 0.0, 0.03]
@@ -115,7 +113,7 @@ def _start() -> dict[str, float]:
     return {joint: robot.named_states["default"][joint] for joint in robot.joint_names}
 
 
-def test_what_limits_the_arm_by_joints_limits_no_fingers() -> None:
+def test_limits_of_the_arms_joints_limit_no_fingers() -> None:
     by_joints = hdplan.Limits(acceleration=4.0, jerk=[100.0] * 7)
     job = replace(scene(hdplan.Grip({FINGER: 0.01})), goal=None, limits=by_joints)
     with pytest.raises(InputError, match="scene's jerk is by joints of the arm"):

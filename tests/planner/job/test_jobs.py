@@ -15,11 +15,11 @@ import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan import InputError, JobResult, Scene, Trajectory
 from hdplan.planner.commands.verify import run_verify
-from hdplan.planner.job.result import JobResult
-from hdplan.planner.motion.trajectory import StageMark, Trajectory
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.scene import Scene
+from hdplan.planner.terminal.declared import GivenScene
+
+from .forging import Forgery, marked, shifted
 
 ARM = [f"panda_joint{i}" for i in range(1, 8)]
 FINGER = "panda_finger_joint1"
@@ -92,14 +92,8 @@ def test_only_allowed_contacts_occur_in_a_job(scene: Scene, planned: JobResult) 
                 if name != link and frozenset((name, link)) not in may[stage]:
                     if {link, name} == {"panda_hand", "can"} and holds:
                         continue  # they move as one
-                    gap = coal.distance(
-                        shape,
-                        coal.Transform3s(place.rotation, place.translation),
-                        other,
-                        coal.Transform3s(there.rotation, there.translation),
-                        coal.DistanceRequest(),
-                        coal.DistanceResult(),
-                    )
+                    here, away = (coal.Transform3s(at.rotation, at.translation) for at in (place, there))
+                    gap = coal.distance(shape, here, other, away, coal.DistanceRequest(), coal.DistanceResult())
                     least = min(least, (gap, stage, link, name))
     assert least > (0.0, "", "", "")
     left = planned.certificate.stages[-1].scene
@@ -122,21 +116,11 @@ def test_stages_join_without_a_jump(planned: JobResult) -> None:
 
 
 def test_lines_are_straight(planned: JobResult) -> None:
-    """Within the tolerance at every millisecond, by the kinematics of another load of the robot."""
+    """The tool is within the tolerance at every millisecond, by the kinematics of another load of the robot."""
     robot = hdplan.load_robot("panda")
     for stage in planned.certificate.stages:
         if stage.kind == "line":
-            pose = (
-                Trajectory(
-                    robot.joint_names,
-                    stage.trajectory.of_joints(robot.joint_names, {}).positions,
-                    {},
-                    stage.trajectory.times,
-                    *(values[:, :7] for values in (stage.trajectory.velocities, stage.trajectory.accelerations)),  # type: ignore[index]
-                )
-                .sampled(1000.0)
-                .poses(robot, "panda_hand_tcp")
-            )
+            pose = stage.trajectory.of_joints(robot.joint_names, {}).sampled(1000.0).poses(robot, "panda_hand_tcp")
             place, way = pose[:, :3, 3], pose[-1, :3, 3] - pose[0, :3, 3]
             way /= np.linalg.norm(way)
             off = place - place[0]
@@ -169,51 +153,39 @@ def test_the_scene_of_a_stage_is_one_like_any_other(planned: JobResult, tmp_path
 
 
 def test_the_checker_accepts_the_proof_of_a_stage_that_touches(planned: JobResult, tmp_path: Path) -> None:
-    """By itself, of the one in which fingers close on the can; and not for another scene. Curves are no scene's."""
+    """The stage in which fingers close on the can has a proof of its own, and none for another scene."""
     (stage,) = [each for each in planned.certificate.stages if each.name == "grip"]
     scene, motion, proof = (tmp_path / f"grip.{ending}" for ending in ("yaml", "json", "proof"))
     stage.scene.save(scene)
     stage.trajectory.save(motion)
     hdplan.prove(scene, motion).save(proof)
-    assert run_verify(str(scene), motion, proof) == 0
+    assert run_verify(GivenScene(str(scene)), motion, proof) == 0
     written, touching = scene.read_text(encoding="utf-8"), '"touch_links": ["panda_leftfinger", "panda_rightfinger"]'
     assert written.count(touching) == 1
     scene.write_text(written.replace(touching, '"touch_links": []'), encoding="utf-8")
-    assert run_verify(str(scene), motion, proof) == 1
-
-
-def moved_mark(motion: Trajectory, number: int, by: int) -> Trajectory:
-    marks = list(motion.stages)
-    marks[number] = StageMark(marks[number].name, marks[number].row + by)
-    return replace(motion, stages=tuple(marks))
-
-
-def shifted(motion: Trajectory, key: str, row: int, column: int, by: float) -> Trajectory:
-    values = np.array(getattr(motion, key))
-    values[row, column] += by
-    return replace(motion, **{key: values})
+    assert run_verify(GivenScene(str(scene)), motion, proof) == 1
 
 
 def test_a_forged_motion_is_not_certified(scene: Scene, planned: JobResult) -> None:
     motion = planned.trajectory
     rows = [mark.row for mark in motion.stages]
-    finger = motion.joint_names.index(FINGER)
-    forged: list[Callable[[], Trajectory]] = [
-        lambda: shifted(motion, "velocities", rows[1], 0, 0.05),  # no rest where stages meet
-        lambda: shifted(motion, "velocities", len(motion) - 1, 0, 0.05),
-        lambda: shifted(motion, "positions", rows[3] + 5, finger, 0.005),  # the hand opens while it carries
-        lambda: shifted(motion, "positions", rows[2] + 3, 1, 0.01),  # the arm moves while the hand closes
-        lambda: shifted(motion, "positions", 0, 0, 1e-3),  # another start
-        lambda: shifted(motion, "positions", rows[2], 3, 1e-3),  # the line ends elsewhere
-        lambda: shifted(motion, "positions", rows[6] - 10, 3, 0.02),  # off the line
-        *(lambda n=n, by=by: moved_mark(motion, n, by) for n, by in ((2, 4), (3, -4), (6, -4), (7, 4))),
-        lambda: replace(motion, stages=motion.stages[:-1]),  # the last stage as a part of the one before
-        lambda: replace(motion, stages=(*motion.stages[:1], *motion.stages[2:])),
+    names = [mark.name for mark in motion.stages]
+    forged: list[Forgery] = [
+        shifted("velocities", rows[1], ARM[0], 0.05),  # no rest where stages meet
+        shifted("velocities", -1, ARM[0], 0.05),
+        shifted("positions", rows[3] + 5, FINGER, 0.005),  # the hand opens while it carries
+        shifted("positions", rows[2] + 3, ARM[1], 0.01),  # the arm moves while the hand closes
+        shifted("positions", 0, ARM[0], 1e-3),  # another start
+        shifted("positions", rows[2], ARM[3], 1e-3),  # the line ends elsewhere
+        shifted("positions", rows[6] - 10, ARM[3], 0.02),  # off the line
+        *(marked(by, names[n]) for n, by in ((2, 4), (3, -4), (6, -4), (7, 4))),
+        lambda old: replace(old, stages=old.stages[:-1]),  # the last stage as a part of the one before
+        lambda old: replace(old, stages=(*old.stages[:1], *old.stages[2:])),
     ]
     for forge in forged:
         certified = False
         with contextlib.suppress(InputError):
-            certified = hdplan.certify_job(scene, forge()).certified
+            certified = hdplan.certify_job(scene, forge(motion)).certified
         assert not certified
 
 
@@ -223,11 +195,8 @@ def test_touching_is_for_the_stages_that_say_so(scene: Scene, planned: JobResult
     swapped = with_stages(scene, (3, {"touch": ()}), (2, {"touch": [["can", [*HAND, "table"]]]}))
     assert "'lift'" in hdplan.certify_job(swapped, motion).text
     more = with_stages(scene, (4, {"touch": [["can", "crate_left"]]}))
-    assert any(
-        "carry: can and crate_left may touch, and are apart" in n
-        for s in hdplan.certify_job(more, motion).stages
-        for n in s.notes
-    )
+    notes = hdplan.certify_job(more, motion).notes
+    assert any("carry: can and crate_left may touch, and are apart" in note for note in notes)
 
 
 def test_held_objects_are_compared_with_everything_else(scene: Scene, planned: JobResult) -> None:

@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan import InputError, JobResult
 from hdplan.planner.job.choices import Search
-from hdplan.planner.job.result import JobResult
 from hdplan.planner.job.world import World
 from hdplan.scenes import deadline
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 DOWN = [0.0, np.pi / 2, 0.0]  # the cup of a UR5 looks down
@@ -194,7 +193,7 @@ def test_a_job_that_ends_before_its_first_stage_reports_it() -> None:
         hdplan.plan_job(replace(scene, goal=None, job=fingers, limits=hdplan.Limits(acceleration=[5.0] * 7)))
 
 
-def test_what_was_planned_before_a_commands_time_limit_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stages_planned_before_a_commands_time_limit_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """The limit around all of a command passes while the third stage is planned: nothing is lost, as nothing is where
     the job's own limit passes. The stages that were planned are certified, as stops."""
     table = hdplan.Box([0.3, 0.3, 0.02], name="table", pose=[0.0, 0.6, 0.3])

@@ -16,20 +16,16 @@ from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.redundancy import LARGEST_STEP, Layers, inner_limits, ways_along
 from tests.loops import in_numpy, needs_loops
 
+from ..links import place_of
+
 TOOL = "panda_hand_tcp"
 READY = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.7])
-
-
-def place_of(robot: hdplan.Robot, q: np.ndarray) -> np.ndarray:
-    data, frame = robot.model.createData(), robot.model.getFrameId(TOOL)
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    return np.array(data.oMf[frame].homogeneous)
 
 
 @pytest.mark.parametrize("fixed", [True, False])
 def test_ways_are_followed_freely(fixed: bool) -> None:
     robot = hdplan.load_robot("panda")
-    begins = place_of(robot, READY)
+    begins = place_of(robot, TOOL, READY).homogeneous
     ends = begins.copy()
     ends[:3, 3] += [0.1, 0.25, 0.05]
     poses = [hdplan.Pose(each[:3, 3], pin.Quaternion(each[:3, :3]).coeffs()) for each in (begins, ends)]
@@ -37,7 +33,7 @@ def test_ways_are_followed_freely(fixed: bool) -> None:
     calls: list[np.ndarray] = []
 
     def free(rows: np.ndarray) -> np.ndarray:
-        """As if something stood where the elbow is turned to one side."""
+        """Nothing is free where the elbow is turned to one side."""
         calls.extend(rows)
         return np.asarray(rows[:, 2] < 0.4)
 
@@ -54,7 +50,7 @@ def test_ways_are_followed_freely(fixed: bool) -> None:
         assert (way <= high).all()
         assert (way[:, 2] < 0.4).all()
         for share, q in zip(np.linspace(0, 1, len(way)), way, strict=True):
-            place = place_of(robot, q)
+            place = place_of(robot, TOOL, q).homogeneous
             np.testing.assert_allclose(place[:3, 3], begins[:3, 3] + share * (ends - begins)[:3, 3], rtol=0, atol=1e-4)
             np.testing.assert_allclose(place[:3, :3], begins[:3, :3], rtol=0, atol=1e-3)
     for one, other in itertools.combinations(found, 2):
@@ -64,7 +60,7 @@ def test_ways_are_followed_freely(fixed: bool) -> None:
 def test_there_is_no_way_where_nothing_is_free_or_in_reach() -> None:
     robot = hdplan.load_robot("panda")
     poses = [
-        hdplan.Pose(place, pin.Quaternion(place_of(robot, READY)[:3, :3]).coeffs())
+        hdplan.Pose(place, pin.Quaternion(place_of(robot, TOOL, READY).homogeneous[:3, :3]).coeffs())
         for place in ([0.5, 0, 0.4], [0.5, 0, 2.0])
     ]
     quick = np.ones(robot.n)

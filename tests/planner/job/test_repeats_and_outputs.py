@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 import hdplan
-from hdplan.planner.motion.trajectory import StageMark
-from hdplan.scenes.errors import InputError
+from hdplan import InputError, StageMark
 from hdplan.verify.balls import RejectedError
 from hdplan.verify.stages import stages_of
 from hdplan.verify.text import yaml_of
@@ -73,7 +72,7 @@ def test_a_table_repeats_stages(tmp_path: Path) -> None:
         ("$full", "[1]", r"set.glue|is used in no stage"),
     ],
 )
-def test_what_a_table_lacks_is_reported_in_one_line(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_errors_of_a_table_are_reported_in_one_line(tmp_path: Path, old: str, new: str, words: str) -> None:
     assert old in TABLE
     with pytest.raises(InputError, match=words) as error:
         read(tmp_path, TABLE.replace(old, new))

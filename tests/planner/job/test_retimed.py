@@ -53,7 +53,7 @@ def test_a_retimed_path_stays_and_keeps_limits(seed: int) -> None:
 
 
 def test_rows_too_far_apart_for_a_retimed_path_leave_a_stop() -> None:
-    """At its own pace the move is within the radius for less than a row; slower, both take longer than with a stop."""
+    """The move at its own pace is within the radius for less than a row; slower, both take longer than with a stop."""
     there = hdplan.Pose.from_rpy([0.45, 0.2, 0.5], [np.pi, 0.0, 0.0])
     move = hdplan.Move(hdplan.PoseTarget("panda_hand_tcp", there, free_rotation="z"), blend=0.01)
     job = hdplan.Job([move, hdplan.Line(by=[0.0, 0.0, -0.1], speed=0.3)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import hdplan
@@ -13,6 +12,8 @@ from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.scenes.targets import PoseTarget
 from tests.loops import needs_loops
 
+from ..links import places_of, pose_of
+
 TOOL = "panda_hand_tcp"
 NEAR_SINGULAR = ((1, 0.05), (1, -0.08), (5, 0.1))  # where joints 1 and 3, or 5 and 7, turn about one axis
 
@@ -20,19 +21,12 @@ pytestmark = needs_loops
 
 
 def target_of(robot: hdplan.Robot, q: np.ndarray, free_rotation: str = "none") -> PoseTarget:
-    data, frame = robot.model.createData(), robot.model.getFrameId(TOOL)
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    pose = data.oMf[frame]
-    target = hdplan.Pose(pose.translation, pin.Quaternion(pose.rotation).coeffs())
-    return PoseTarget(TOOL, target, free_rotation=free_rotation)
+    return PoseTarget(TOOL, pose_of(robot, TOOL, q), free_rotation=free_rotation)
 
 
 def off(robot: hdplan.Robot, target: PoseTarget, rows: np.ndarray) -> float:
-    data, frame, most = robot.model.createData(), robot.model.getFrameId(TOOL), 0.0
-    for q in rows:
-        pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-        most = max(most, float(np.abs(data.oMf[frame].homogeneous - target.pose.matrix).max()))
-    return most
+    wanted = target.pose.matrix
+    return max(float(np.abs(place.homogeneous - wanted).max()) for place in places_of(robot, TOOL, rows))
 
 
 def farthest(rows: np.ndarray, others: np.ndarray) -> float:
@@ -57,7 +51,7 @@ def test_no_configuration_is_far_from_all(joint: int, value: float) -> None:
     assert len(close) < 3 * len(plain)
 
 
-def test_what_has_no_order_or_no_configuration_stays_as_it_is() -> None:
+def test_several_held_joints_and_poses_out_of_reach_get_no_further_configurations() -> None:
     robot = hdplan.load_robot("panda")
     middle = 0.5 * (robot.lower + robot.upper)
     two = target_of(robot, middle, "z")  # holds two joints

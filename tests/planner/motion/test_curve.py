@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly, CubicSpline
 
+from hdplan import InputError, Trajectory
 from hdplan.planner.motion.curve import Curve, row_count
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.scenes.errors import InputError
 
 ROWS, JOINTS = 7, 3
 

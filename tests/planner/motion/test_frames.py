@@ -6,9 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hdplan import RobotSpec, load_robot
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.robot.loading import load_robot
-from hdplan.scenes.robot_spec import RobotSpec
 
 
 @pytest.mark.sampled(3)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hdplan import RobotSpec, load_robot
 from hdplan.planner.motion import motion_bounds
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.robot.loading import load_robot
-from hdplan.scenes.robot_spec import RobotSpec
 from tests.loops import in_numpy, needs_loops
 
 COUNT, INTERVALS = 40, 12  # bodies, intervals
@@ -37,11 +36,8 @@ def test_the_loop_equals_numpy(name: str, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_nan_proves_nothing() -> None:
-    chain = Chain.of(load_robot(RobotSpec("panda")).model)
+    chain = Chain.of(load_robot("panda").model)
     n, joints = len(chain.axes), np.array([len(chain.axes)])
     rho = chain.reach_around(joints, np.array([[0.1, -0.1, 0.1]]), np.zeros((n, 2)))
-    nowhere = np.full((1, 1, 3), np.nan)
-    found = chain.local_reach(
-        rho, joints, nowhere, np.ones(1), np.ones((1, n, 3)), np.zeros((1, n, 3)), np.ones((1, n))
-    )
-    assert np.isnan(found).any()
+    at = np.full((1, 1, 3), np.nan), np.ones(1), np.ones((1, n, 3)), np.zeros((1, n, 3)), np.ones((1, n))
+    assert np.isnan(chain.local_reach(rho, joints, *at)).any()

@@ -14,38 +14,18 @@ import numpy as np
 import pytest
 import yaml
 
-from hdplan.planner.certificate.certifier import certify
+from hdplan import InputError, Trajectory, certify, load_scene, plan
 from hdplan.planner.certificate.rate_check import RateCheck
 from hdplan.planner.motion import ros_bag
 from hdplan.planner.motion.ros_message import joint_trajectory, read_message, robot_trajectory
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import FORMATS, WRITERS, check_length, check_output
-from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.yaml_format.reader import load_scene
 
 ROS = tuple(ending for ending in FORMATS if ending not in (".json", ".csv", ".npz"))
 NAMES = (
-    "a",
-    "b joint",
-    "ç",
-    "关节",
-    "🤖",
-    '"',
-    "'",
-    "\\",
-    "#",
-    "- ",
-    ": {",
-    "true",
-    "1e-05",
-    "~",
-    "*x",
-    "\u3000.",
-    "time",
-)
+    "a", "b joint", "ç", "关节", "🤖", '"', "'", "\\", "#", "- ", ": {", "true", "1e-05", "~", "*x", "\u3000.", "time",
+)  # fmt: skip
 HALF_NANOSECOND = 0.5e-9
 
 
@@ -68,7 +48,6 @@ def test_whole_nanoseconds_keep_every_bit_of_the_rows(tmp_path: Path, ending: st
         before.save(tmp_path / f"m{ending}")
         after = Trajectory.load(tmp_path / f"m{ending}")
         assert_same(before, after)
-        assert after.times is not None
         np.testing.assert_allclose(after.times, before.times, rtol=4e-16, atol=0)
         assert [file.name for file in tmp_path.iterdir()] == [f"m{ending}"]
 
@@ -129,9 +108,8 @@ def test_rounding_takes_no_more_of_a_limit_than_the_margin_that_is_left(rate: in
     after = Trajectory(**read_message(joint_trajectory(motion)))
     kept = replace(motion, times=after.times)
     check = RateCheck(Setup.of(scene, robot))
-    shares, rounded, careless = (
-        [use.share for use in check.check(moved.curve).uses] for moved in (motion, after, kept)
-    )
+    found = (check.check(moved.curve).uses for moved in (motion, after, kept))
+    shares, rounded, careless = ([use.share for use in uses] for uses in found)
     np.testing.assert_allclose(rounded, shares, rtol=1e-6)
     assert len(shares) == 3
     assert rate == 100 or not np.allclose(careless, shares, rtol=1e-5, atol=0)
@@ -192,24 +170,17 @@ def test_the_librarys_own_decoder_reads_the_bag(tmp_path: Path) -> None:
 def test_a_bag_with_much_else_in_it(tmp_path: Path) -> None:
     """Other topics are passed over; MoveIt's message is read too; two trajectories are one too many."""
     motion = random_motion(7)
-    robot = {
-        "moveit_msgs/RobotTrajectory": "trajectory_msgs/JointTrajectory joint_trajectory",
-        **ros_bag.PARTS,
-    }
+    robot = {"moveit_msgs/RobotTrajectory": "trajectory_msgs/JointTrajectory joint_trajectory", **ros_bag.PARTS}
     definition = f"\n{'=' * 80}\nMSG: ".join(f"{name}\n{text}" for name, text in robot.items()).partition("\n")[2]
     whole = {"joint_trajectory": joint_trajectory(motion)}
-    kinds = {
-        "moveit": ("moveit_msgs/msg/RobotTrajectory", definition, whole),
-        "text": ("x/msg/T", "string s", {"s": "?"}),
-    }
-    (tmp_path / "m.mcap").write_bytes(bag(kinds["text"], kinds["moveit"], kinds["text"]))
-    assert_same(motion, Trajectory.load(tmp_path / "m.mcap"))
-    (tmp_path / "m.mcap").write_bytes(bag(kinds["moveit"], kinds["moveit"]))
-    with pytest.raises(InputError, match=r"one message of .* is expected, found 2"):
-        Trajectory.load(tmp_path / "m.mcap")
-    (tmp_path / "m.mcap").write_bytes(bag(kinds["text"]))
-    with pytest.raises(InputError, match="found messages of x/msg/T"):
-        Trajectory.load(tmp_path / "m.mcap")
+    moveit, text = ("moveit_msgs/msg/RobotTrajectory", definition, whole), ("x/msg/T", "string s", {"s": "?"})
+    file = tmp_path / "m.mcap"
+    file.write_bytes(bag(text, moveit, text))
+    assert_same(motion, Trajectory.load(file))
+    for messages, words in (((moveit, moveit), "one message of .* is expected, found 2"), ((text,), "of x/msg/T")):
+        file.write_bytes(bag(*messages))
+        with pytest.raises(InputError, match=words):
+            Trajectory.load(file)
 
 
 def bag(*messages: tuple[str, str, Any]) -> bytes:

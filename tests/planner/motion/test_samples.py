@@ -9,8 +9,7 @@ import pytest
 from scipy.interpolate import BPoly
 
 import hdplan
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.scenes.errors import InputError
+from hdplan import InputError, Trajectory
 
 NAMES = tuple(f"panda_joint{i}" for i in range(1, 8))
 FINGERS = {"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}

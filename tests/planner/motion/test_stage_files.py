@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hdplan import InputError, StageMark, Trajectory
 from hdplan.planner.motion.ros_stages import stage_messages
-from hdplan.planner.motion.trajectory import StageMark, Trajectory
-from hdplan.scenes.errors import InputError
 
 NAMES = ("up, down", 'say "so"', "1", "Höhe", "grip", " a ", "x.velocity", "time")
 
@@ -69,9 +68,8 @@ def test_every_stage_is_sent_when_it_begins(seed: int) -> None:
     hands = [(now, topic, message) for now, topic, message in sent if topic.startswith("/gripper_command")]
     fingers = motion.joint_names[4:]
     assert [now for now, _, _ in hands] == [now for now in begins[1::2] for _ in fingers]
-    assert {topic for _, topic, _ in hands} == (
-        {"/gripper_command"} if len(fingers) == 1 else {f"/gripper_command/{x}" for x in fingers}
-    )
+    topics = ["/gripper_command"] if len(fingers) == 1 else [f"/gripper_command/{x}" for x in fingers]
+    assert {topic for _, topic, _ in hands} == {*topics}
     for i, (_, _, message) in enumerate(hands):
         end = rows[2 + 2 * (i // len(fingers))]
         assert message == {"position": motion.positions[end, 4 + i % len(fingers)], "max_effort": 0.0}

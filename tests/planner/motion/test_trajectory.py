@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.scenes.errors import InputError
+from hdplan import InputError, Trajectory
 
 
 def awkward_trajectory() -> Trajectory:
@@ -76,11 +75,7 @@ def test_bad_positions_are_named(positions: list[list[float]], words: str) -> No
         ("x.json", b"{", "not JSON"),
         ("x.json", b'{"positions": [[1], [2]]}', "hdplan_trajectory: 1"),
         ("x.json", b'{"hdplan_trajectory": 1, "positions": [[1], [2]]}', "joint_names: missing"),
-        (
-            "x.json",
-            b'{"hdplan_trajectory": 1, "joint_names": ["a", "a"], "positions": [[1, 1], [2, 2]]}',
-            "appears twice",
-        ),
+        ("x.json", b'{"hdplan_trajectory": 1, "joint_names": ["a", "a"], "positions": [[1, 1], [2, 2]]}', "twice"),
         ("x.json", b'{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[NaN], [2]]}', "not a finite"),
         ("x.json", b'{"hdplan_trajectory": 1, "joint_names": [1], "positions": [[1], [2]]}', "must be a text"),
         ("x.csv", b"", "empty"),

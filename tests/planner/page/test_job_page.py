@@ -16,6 +16,7 @@ from hdplan.planner.commands.view import run_view
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.page import job_page
 from hdplan.planner.page.job_page import ShownJob
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 
@@ -96,8 +97,8 @@ def test_the_page_has_the_stages(shown: ShownJob, tmp_path: Path, capsys: pytest
     given: dict[str, Any] = {"proof": None, "video": None, "host": None, "port": None}
     twice = [tmp_path / "job.json"] * 2
     with pytest.raises(InputError, match="one motion at a time"):
-        run_view(str(tmp_path / "job.yaml"), twice, None, None, record=tmp_path / "a.html", **given)
-    assert run_view(str(tmp_path / "job.yaml"), twice[:1], None, None, record=tmp_path / "a.html", **given) == 0
+        run_view(GivenScene(str(tmp_path / "job.yaml")), twice, record=tmp_path / "a.html", **given)
+    assert run_view(GivenScene(str(tmp_path / "job.yaml")), twice[:1], record=tmp_path / "a.html", **given) == 0
     assert "a.html" in capsys.readouterr().out
     written = (tmp_path / "a.html").read_text(encoding="utf-8")
     found = re.search(r'<script id="data" type="application/json">(.*?)</script>', written, re.S)

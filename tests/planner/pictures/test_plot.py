@@ -34,8 +34,9 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Mesh, Points, Sphere
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.extras import needs
 
-pytest.importorskip("matplotlib")
+pytestmark = needs("matplotlib")
 
 Planned = tuple[Scene, Robot, PlanResult]
 

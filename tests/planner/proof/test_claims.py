@@ -12,12 +12,11 @@ import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan import Box, Cylinder, Ellipsoid, PathConstraints, Pose, Relative, Sphere, Upright, Within
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.path_bounds import held_by
 from hdplan.planner.motion.robot_curve import curve_of
-from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.attached import Attached, Payload
-from hdplan.scenes.path_constraints import Relative, Upright, Within
-from hdplan.scenes.timing import Timing
 from hdplan.verify import RejectedError, effects
 from hdplan.verify.balls import HERE
 from hdplan.verify.effects import bonds_of_path, check_path, check_torques, chord, reached
@@ -25,30 +24,25 @@ from hdplan.verify.kernel import Motion
 from hdplan.verify.reading import read_world
 from hdplan.verify.world import Bond, World
 
-from .worlds import read as read_files
+from .worlds import read as read_files, rejects_unless
 
-HELD = [
-    hdplan.Box([0.1, 0.05, 0.2]),
-    hdplan.Sphere(0.06),
-    hdplan.Ellipsoid([0.05, 0.1, 0.07]),
-    hdplan.Cylinder(0.04, 0.2),
-]
+HELD = [Box([0.1, 0.05, 0.2]), Sphere(0.06), Ellipsoid([0.05, 0.1, 0.07]), Cylinder(0.04, 0.2)]
 ROBOTS = [  # a robot, a link of it, and how its base stands
-    ("panda", "panda_hand", hdplan.Pose()),
-    ("ur5", "tool0", hdplan.Pose.from_rpy([0.1, 0.2, 1.5], [np.pi, 0.3, 0.2])),
-    ("xarm7", "link7", hdplan.Pose.from_rpy([0, 0, 0.5], [0.4, -0.7, 0.1])),
-    ("tiago", "arm_7_link", hdplan.Pose()),  # its torso slides
+    ("panda", "panda_hand", Pose()),
+    ("ur5", "tool0", Pose.from_rpy([0.1, 0.2, 1.5], [np.pi, 0.3, 0.2])),
+    ("xarm7", "link7", Pose.from_rpy([0, 0, 0.5], [0.4, -0.7, 0.1])),
+    ("tiago", "arm_7_link", Pose()),  # its torso slides
 ]
 
 
-def swinging(folder: Path, arm: tuple[str, str, hdplan.Pose], rng: np.random.Generator, **more: object) -> Path:
+def swinging(folder: Path, arm: tuple[str, str, Pose], rng: np.random.Generator, **more: object) -> Path:
     """A scene and a motion of quintics that begins and ends at rest: `folder`/scene.yaml and motion.json."""
     robot, link, base = arm
     shape = HELD[rng.integers(len(HELD))]
-    held = Attached("tool", link, shape, hdplan.Pose.from_rpy([0.02, -0.03, 0.2], [0.2, 0.4, 0.6]), mass=2.0)
-    load = Payload(link, 1.5, [0.05, 0.02, 0.1], [0.01, 0.001, 0.002, 0.02, -0.001, 0.015])
+    held = hdplan.Attached("tool", link, shape, Pose.from_rpy([0.02, -0.03, 0.2], [0.2, 0.4, 0.6]), mass=2.0)
+    load = hdplan.Payload(link, 1.5, [0.05, 0.02, 0.1], [0.01, 0.001, 0.002, 0.02, -0.001, 0.015])
     spec = hdplan.RobotSpec(name=robot, base=base)
-    loaded = load_robot(spec)
+    loaded = hdplan.load_robot(spec)
     low, high = np.maximum(loaded.lower, -2.0), np.minimum(loaded.upper, 2.0)
     rows = low + (high - low) * rng.uniform(0.3, 0.7, (5, loaded.n))
     times = np.cumsum([0.0, 0.5, 0.6, 0.4, 0.7])
@@ -57,7 +51,7 @@ def swinging(folder: Path, arm: tuple[str, str, hdplan.Pose], rng: np.random.Gen
     motion = hdplan.Trajectory(loaded.joint_names, rows, loaded.locked, times, *rates)
     scene = hdplan.Scene(
         robot=spec, start=rows[0], goal=rows[-1], attached=[held], payload=load,
-        limits=hdplan.Limits(torque=1000.0), timing=Timing(duration=2.2), **more,
+        limits=hdplan.Limits(torque=1000.0), timing=hdplan.Timing(duration=2.2), **more,
     )  # fmt: skip
     scene.save(folder / "scene.yaml")
     motion.save(folder / "motion.json")
@@ -68,11 +62,6 @@ def read(folder: Path) -> tuple[Setup, World, hdplan.Trajectory]:
     scene, motion = folder / "scene.yaml", folder / "motion.json"
     setup = Setup.of(hdplan.load_scene(scene))
     return setup, read_files(scene, motion), hdplan.Trajectory.load(motion)
-
-
-def torques_kept(world: World) -> None:
-    """Check the torques of a world by its own limits."""
-    check_torques(world)
 
 
 def bonds_of(world: World) -> list[Bond]:
@@ -88,7 +77,7 @@ def bounds(world: World, spans: np.ndarray) -> np.ndarray:
     torques = effects.torques
     kept: list[np.ndarray] = []
     try:
-        torques_kept(world)
+        check_torques(world)
         effects.torques = lambda *args: kept.append(torques(*args)) or kept[-1]
         found[0](spans)
     finally:
@@ -130,11 +119,8 @@ def test_a_torque_limit_just_below_the_peak_is_rejected_and_one_just_above_accep
     for joint in (1, 5):
         for share, good in ((1.01, True), (0.99, False)):
             world.limits["torque"] = [float(x) * (share if i == joint else 1.01) for i, x in enumerate(peak)]
-            if good:
-                torques_kept(world)
-            else:
-                with pytest.raises(RejectedError, match=f"limits.torque: joint '{names[joint]}' is beyond"):
-                    torques_kept(world)
+            with rejects_unless(good, f"limits.torque: joint '{names[joint]}' is beyond"):
+                check_torques(world)
 
 
 def test_a_motion_that_begins_at_speed_has_no_torques(tmp_path: Path) -> None:
@@ -144,7 +130,7 @@ def test_a_motion_that_begins_at_speed_has_no_torques(tmp_path: Path) -> None:
     rates[0, 3] = 1e-3
     dataclasses.replace(motion, velocities=rates).save(folder / "motion.json")
     with pytest.raises(RejectedError, match="begins or ends with a jump"):
-        torques_kept(read(folder)[1])
+        check_torques(read(folder)[1])
 
 
 def test_a_mass_whose_inertia_is_not_known_is_not_left_out(tmp_path: Path) -> None:
@@ -152,7 +138,7 @@ def test_a_mass_whose_inertia_is_not_known_is_not_left_out(tmp_path: Path) -> No
     _, world, _ = read(folder)
     world.loads[3]["inertia"][2] = float("nan")
     with pytest.raises(RejectedError, match=r"loads\[3\]\.inertia: .* finite numbers"):
-        torques_kept(world)
+        check_torques(world)
     scene = hdplan.load_scene(folder / "scene.yaml")
     held = dataclasses.replace(scene.attached[0], shape=hdplan.Capsule(0.05, 0.1))
     dataclasses.replace(scene, attached=[held]).save(folder / "scene.yaml")
@@ -160,25 +146,18 @@ def test_a_mass_whose_inertia_is_not_known_is_not_left_out(tmp_path: Path) -> No
         read_world(folder / "scene.yaml", folder / "motion.json")
 
 
+BOX = Within("panda_hand", [0.3, np.inf, 0.4], Pose.from_rpy([0.3, 0, 0.6], [0.2, 0, 0.6]), [0, 0.1, 0.1])
+PLACE = Pose.from_rpy([0.1, 0, 0.4], [1.1, 0, 0.2])
 CONSTRAINTS = {
-    "upright": hdplan.PathConstraints(upright=Upright("panda_hand", [0.3, -0.2, -0.9], 0.5)),
-    "position": hdplan.PathConstraints(
-        position=Within(
-            "panda_hand", [0.3, np.inf, 0.4], hdplan.Pose.from_rpy([0.3, 0, 0.6], [0.2, 0, 0.6]), [0, 0.1, 0.1]
-        )
-    ),
-    "relative": hdplan.PathConstraints(relative=Relative("panda_hand", "panda_link3", None, 0.3, 0.9)),
-    "relative to a pose": hdplan.PathConstraints(
-        relative=Relative("panda_link2", "panda_link7", hdplan.Pose.from_rpy([0.1, 0, 0.4], [1.1, 0, 0.2]), 0.3, 0.9)
-    ),
+    "upright": PathConstraints(upright=Upright("panda_hand", [0.3, -0.2, -0.9], 0.5)),
+    "position": PathConstraints(position=BOX),
+    "relative": PathConstraints(relative=Relative("panda_hand", "panda_link3", None, 0.3, 0.9)),
+    "relative to a pose": PathConstraints(relative=Relative("panda_link2", "panda_link7", PLACE, 0.3, 0.9)),
 }
 
 
 @pytest.mark.parametrize("kind", CONSTRAINTS)
 def test_bounds_of_path_constraints_hold_what_the_certificate_finds_and_are_tight(kind: str, tmp_path: Path) -> None:
-    from hdplan.planner.certificate.certifier import Certifier
-    from hdplan.planner.certificate.path_bounds import held_by
-
     setup, world, motion = read(swinging(tmp_path, ROBOTS[0], np.random.default_rng(8), path=CONSTRAINTS[kind]))
     curve, chain = curve_of(setup.robot, motion), Certifier(setup).path.chain
     bonds = bonds_of(world)
@@ -187,9 +166,8 @@ def test_bounds_of_path_constraints_hold_what_the_certificate_finds_and_are_tigh
     for width in (2.0**-2, 2.0**-6, 2.0**-10):
         begin = rng.integers(0, 4, 80) + width * rng.integers(0, round(1 / width), 80)
         # a share of what is allowed, the largest of all bonds of the constraint; as chords where it is an angle
-        found = np.stack(
-            [Motion(world, np.stack([begin, begin + width], axis=1)).apart(x) / x.most for x in bonds]
-        ).max(axis=0)
+        part = Motion(world, np.stack([begin, begin + width], axis=1))
+        found = np.stack([part.apart(x) / x.most for x in bonds]).max(axis=0)
         largest = np.zeros(80)
         for share in np.linspace(0, 1, 9):
             at = np.minimum(begin + share * width, 4 - 1e-12)
@@ -283,17 +261,14 @@ def test_an_upright_axis_is_a_unit_vector(size: float, good: bool) -> None:
     """One of length 0.3 that is turned by 1.28 rad is nearer to the vertical than a unit vector turned by 1 rad."""
     world = cast(World, SimpleNamespace(links={"a": (-1, HERE)}, pieces=[]))
     path = [{"kind": "upright", "link": "a", "axis": [0, 0, size], "off": 0.0, "tolerance": 1.0}]
-    if good:
+    with rejects_unless(good, "its axis must be a unit vector"):
         assert len(bonds_of_path(world, path, lambda: True)) == 1
-        return
-    with pytest.raises(RejectedError, match="its axis is no unit vector"):
-        bonds_of_path(world, path, lambda: True)
 
 
 def test_who_is_held_without_a_mass_is_named_where_torques_are_limited(tmp_path: Path) -> None:
     home = [0.5, -1.2, 1.5, -1.8, -1.57, 0.0]
     for mass, torque, named in ((None, "urdf", True), (0.5, "urdf", False), (None, None, False)):
-        held = [hdplan.Attached("box", "wrist_3_link", hdplan.Box([0.02] * 3), [0.0, 0.0, 0.1], mass=mass)]
+        held = [hdplan.Attached("box", "wrist_3_link", Box([0.02] * 3), [0.0, 0.0, 0.1], mass=mass)]
         limits = hdplan.Limits(acceleration=2.0, torque=torque)
         scene = hdplan.Scene(robot="ur5", start=home, goal=[0.6, *home[1:]], attached=held, limits=limits)
         result = hdplan.plan(scene)

@@ -22,7 +22,7 @@ from hdplan.verify.kernel import NARROWEST, Motion, check_outside
 from hdplan.verify.scene import hull
 from hdplan.verify.world import Piece, World
 
-from .test_forged import files
+from .forging import files
 from .worlds import packed, unpacked
 
 Random = np.random.Generator
@@ -149,10 +149,7 @@ def test_points_within_a_star_have_no_ray_and_those_outside_have_one(seed: int) 
     for share, outside in ((0.0, False), (0.97, False), (1.03, True), (3.0, True)):
         p = turn.apply(share * surface * way) + at
         other = {**dot_at(p), "name": "o", "kind": "obstacle", "joint": -1}
-        for bodies in (
-            (dot_at(p), body("m", "obstacle", star, place)),
-            (body("m", "held", star, place), other),
-        ):
+        for bodies in ((dot_at(p), body("m", "obstacle", star, place)), (body("m", "held", star, place), other)):
             found = world(*bodies)
             assert len(found.outside) == 1
             assert proposed(found) == [outside]

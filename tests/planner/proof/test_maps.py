@@ -12,7 +12,6 @@ import pytest
 
 import hdplan
 from hdplan.planner.geometry.voxel_grids import boxes_in
-from hdplan.scenes.voxel_grids import OctoMap, Voxels
 from hdplan.verify.balls import RejectedError, rejecting
 from hdplan.verify.checking import check
 from hdplan.verify.maps import CORNERS, boxes_of
@@ -39,7 +38,7 @@ def test_boxes_of_a_grid_are_just_its_cells(seed: int, tmp_path: Path) -> None:
     grid, size, origin = random_grid(seed) != 0, 0.013 * (seed + 1), [0.3, -1.7, 0.1 * seed]
     np.save(tmp_path / "a.npy", grid)
     np.savez(tmp_path / "b.npz", occupied=grid.astype(np.float32), other=np.zeros(3))
-    expected = corners(boxes_in(Voxels(grid, size, origin)).array)
+    expected = corners(boxes_in(hdplan.Voxels(grid, size, origin)).array)
     single = np.argwhere(grid)
     cells = corners(np.hstack([origin + size * single, origin + size * (single + 1)]))
     for section in ({"file": "a.npy"}, {"file": "b.npz"}, {"occupied": grid.astype(int).tolist()}):
@@ -79,7 +78,7 @@ def test_octomaps_are_read_as_the_planner_reads_them(kind: str, unknown: str, tm
     for seed in range(2):
         content = written(cells_of(seed), kind)
         (tmp_path / "room.bt").write_bytes(content)
-        expected = corners(boxes_in(OctoMap(content, unknown)).array)
+        expected = corners(boxes_in(hdplan.OctoMap(content, unknown)).array)
         coded = base64.b64encode(content).decode()
         for section in ({"file": "room.bt"}, {"content": coded}):
             found = read("octomap", {**section, "unknown": unknown}, expected, tmp_path)

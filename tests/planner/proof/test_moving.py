@@ -18,7 +18,7 @@ from hdplan.verify.reading import read_world
 from hdplan.verify.scene import frame, motion, pose_of
 from hdplan.verify.world import OFF, World
 
-from .test_forged import files, put
+from .forging import files, put
 
 ROWS = np.array([0.25, 1.0, 2.5])
 MOVING = {"name": "p", "shape": {"type": "box", "size": [0.1] * 3}, "motion": {"velocity": [0.0, 0.0, 0.01]}}
@@ -70,7 +70,7 @@ BAD: dict[str, tuple[tuple[Any, ...], Any, str]] = {
     "a link that follows the time": (("bodies", 0, "joint"), 4, "no joint that may carry it"),
     "a track on the robot": (("tracks", 0, "parent"), 0, "kind or parent"),
     "a track on itself": (("tracks", 1, "parent"), 3, "kind or parent"),
-    "no way": (("tracks", 0, "way"), [0.0, 0.0, 0.0], "a direction or rotation is none"),
+    "no way": (("tracks", 0, "way"), [0.0, 0.0, 0.0], "a direction or rotation must have a length"),
     "one time": (("tracks", 0, "times"), [0.0], "finite numbers"),
     "times that stand": (("tracks", 0, "times"), [1.0, 1.0], "times must increase"),
     "values beside times": (("tracks", 0, "values"), [0.0, 0.0, 0.0], "finite numbers"),

@@ -15,10 +15,8 @@ import pytest
 
 import hdplan
 from hdplan.planner.geometry.cloud_files import read_points
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
 from hdplan.verify.balls import RejectedError, rejecting
 from hdplan.verify.compare import check_equal, plain
 from hdplan.verify.point_files import KINDS, table
@@ -123,7 +121,7 @@ def test_damaged_files_have_no_other_points(kind: str, tmp_path: Path) -> None:
             continue
         try:
             planned = read_points(file)
-        except InputError:
+        except hdplan.InputError:
             continue
         if found is not None:
             np.testing.assert_array_equal(found, planned)
@@ -149,7 +147,7 @@ def test_the_world_of_a_scene_takes_nothing_from_the_proof(tmp_path: Path) -> No
     setup = Setup.of(hdplan.load_scene(tmp_path / "scene.yaml"))
     start = setup.robot.named_states["default"]
     rows = np.tile([start[x] for x in setup.robot.joint_names], (2, 1))
-    motion = Trajectory(setup.robot.joint_names, rows, setup.robot.locked)
+    motion = hdplan.Trajectory(setup.robot.joint_names, rows, setup.robot.locked)
     motion.save(tmp_path / "motion.json")
     world = json.loads(json.dumps(world_of(setup, motion), default=plain))
     found = read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", world)

@@ -13,11 +13,9 @@ import pytest
 import yaml
 
 import hdplan
-from hdplan import InputError, Scene, Tracking, Trajectory, Uncertainty
-from hdplan.planner.proof.proof import Proof, prove
+from hdplan import InputError, Proof, Scene, Tracking, Trajectory, Uncertainty, load_scene, prove
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.verify import RejectedError
 from hdplan.verify.checking import check
 from hdplan.verify.compare import check_equal

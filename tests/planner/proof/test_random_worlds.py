@@ -17,7 +17,6 @@ import hdplan
 from hdplan.planner.geometry.shape_table import operations
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.proof.planes import Planes
-from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -129,7 +128,7 @@ def write(rng: Random, folder: Path) -> bool:
         robot |= {"group": joints}
     (folder / "robot.yaml").write_text(json.dumps({"robot": robot}))
     try:
-        loaded = load_robot(read_robot(folder / "robot.yaml")[0])
+        loaded = hdplan.load_robot(read_robot(folder / "robot.yaml")[0])
     except hdplan.InputError as error:
         assert "no joint left to plan" in str(error) or "leave no range" in str(error)  # noqa: PT017
         return False

@@ -13,7 +13,6 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.proof import reading
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import RejectedError
 
@@ -42,7 +41,6 @@ def test_a_plane_separates_the_closest_pair(name: str, tmp_path: Path) -> None:
             if near is None or least is None:
                 continue
             plane = read.closest(near.link, near.other, near.to_obstacle, row)
-            assert plane is not None
             assert plane.span[0] <= row <= plane.span[1]
             assert 0.0 < 0.97 * least - 1e-4 <= plane.bound <= plane.gap + ROUNDING
             assert plane.gap <= near.distance + COAL
@@ -69,7 +67,7 @@ def test_bodies_that_are_not_compared_have_no_plane(tmp_path: Path) -> None:
     assert read.closest("panda_hand", "nobody", True, 0.0) is None
     assert read.closest("panda_hand", "bar3", False, 0.0) is None
     assert read.closest("panda_hand", "bar3", True, -1.0) is not None
-    with pytest.raises(InputError, match=r"not a proof of .*motion.json in .*panda_gate"):
+    with pytest.raises(hdplan.InputError, match=r"not a proof of .*motion.json in .*panda_gate"):
         ReadProof(find_scene("panda_gate"), motion, hdplan.prove("panda_cage", motion).data)
 
 
@@ -84,7 +82,7 @@ def test_a_proof_s_file_is_checked_within_bounds_before_it_is_read_here(
     monkeypatch.setattr(reading, "verify", ended)
     file = tmp_path / "x.proof"
     file.write_bytes(b"hdplan proof\n")
-    with pytest.raises(InputError, match=r"x.proof: is not a proof of .*: needs more time, or more memory"):
+    with pytest.raises(hdplan.InputError, match=r"x.proof: is not a proof of .*: needs more time, or more memory"):
         ReadProof(find_scene("panda_cage"), tmp_path / "motion.json", file)
 
 
@@ -102,6 +100,4 @@ def test_an_obstacle_with_the_name_of_a_link_has_planes_of_its_own(tmp_path: Pat
         assert pairs
         assert {pieces[b].kind for p in pairs for b in read.world.pairs[p]} == {kind, "link"}
     one, two = (read.closest("panda_hand", "panda_link0", x, 0.0) for x in (True, False))
-    assert one is not None
-    assert two is not None
     assert abs(one.gap - two.gap) > 0.05

@@ -12,6 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
 import rewritings
+from proven import proven
 
 original = cache(rewritings.Original)
 
@@ -21,4 +22,4 @@ original = cache(rewritings.Original)
 @pytest.mark.parametrize("seed", range(5))
 def test_rewritten_files_are_accepted(name: str, seed: int, tmp_path: Path) -> None:
     files = original(name).rewrite(np.random.default_rng(seed), tmp_path)
-    assert rewritings.accepted(*files) == "accepted"
+    assert proven(*files) == "accepted"

@@ -22,7 +22,6 @@ import hdplan
 from hdplan.planner.geometry.clouds import balls_in, read_cloud
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.proof import prove_job
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.yaml_format.reader import shipped_scenes
@@ -183,7 +182,7 @@ def scene_of(points: Any, folder: Path, **cloud: Any) -> tuple[Path, Path, dict[
     scene = hdplan.Scene(robot="panda", obstacles=[can, seen], attached=[bar], start=START, goal=START)
     scene.save(folder / "scene.yaml")
     setup = Setup.of(hdplan.load_scene(folder / "scene.yaml"))
-    motion = Trajectory(setup.robot.joint_names, np.array([START, START]), setup.robot.locked)
+    motion = hdplan.Trajectory(setup.robot.joint_names, np.array([START, START]), setup.robot.locked)
     motion.save(folder / "motion.json")
     return folder / "scene.yaml", folder / "motion.json", json.loads(json.dumps(world_of(setup, motion), default=plain))
 
@@ -273,7 +272,7 @@ def test_what_a_mesh_surrounds_counts_as_in_it(open_: bool, tmp_path: Path) -> N
     scene = hdplan.Scene(robot="panda", obstacles=[box, seen], start=START, goal=START)
     scene.save(tmp_path / "scene.yaml")
     setup = Setup.of(hdplan.load_scene(tmp_path / "scene.yaml"))
-    motion = Trajectory(setup.robot.joint_names, np.array([START, START]), setup.robot.locked)
+    motion = hdplan.Trajectory(setup.robot.joint_names, np.array([START, START]), setup.robot.locked)
     motion.save(tmp_path / "motion.json")
     world = world_of(setup, motion)
     assert len(balls(world)["points"]) == (2 if open_ else 1)

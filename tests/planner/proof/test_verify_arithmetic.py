@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import ast
 import sys
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
+import coal
 import mpmath
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan.planner.geometry.shape_table import operations
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import RejectedError, balls
 from hdplan.verify.balls import Ball
@@ -24,7 +28,7 @@ from hdplan.verify.moving import turn_of
 from hdplan.verify.turns import rotation
 from hdplan.verify.world import World
 
-from .worlds import read_and_planned
+from .worlds import read_and_planned, rejects_unless, saved
 
 SOURCE = Path(balls.__file__).parent
 KERNEL = ("balls", "bounds", "world", "kernel", "unknown", "effects", "follow", "turns", "verdict")
@@ -32,23 +36,20 @@ KERNEL = ("balls", "bounds", "world", "kernel", "unknown", "effects", "follow", 
 
 def imported(module: Path) -> set[str]:
     """The modules that one imports; those of its own folder with a dot."""
-    nodes = [
-        x for x in ast.walk(ast.parse(module.read_text(encoding="utf-8"))) if isinstance(x, ast.Import | ast.ImportFrom)
-    ]
+    nodes = [*ast.walk(ast.parse(module.read_text(encoding="utf-8")))]
     named = {alias.name for x in nodes if isinstance(x, ast.Import) for alias in x.names}
-    return named | {
-        "." * x.level + (x.module or alias.name) for x in nodes if isinstance(x, ast.ImportFrom) for alias in x.names
-    }
+    parts = ((x, alias.name) for x in nodes if isinstance(x, ast.ImportFrom) for alias in x.names)
+    return named | {"." * x.level + (x.module or name) for x, name in parts}
 
 
 def test_the_checker_imports_nothing_of_hdplan_and_its_kernel_numpy_alone() -> None:
-    allowed = {*sys.stdlib_module_names}
+    every = {x.stem for x in SOURCE.glob("*.py")}
     for module in SOURCE.glob("*.py"):
         found = imported(module)
-        outside = {name.split(".")[0] for name in found if not name.startswith(".")}
+        outside = {name.split(".")[0] for name in found if not name.startswith(".")} - sys.stdlib_module_names
         own = {name[1:] for name in found if name.startswith(".")}
-        assert outside <= allowed | ({"numpy"} if module.stem in KERNEL else {"numpy", "yaml"})
-        assert own <= ({*KERNEL} if module.stem in KERNEL else {x.stem for x in SOURCE.glob("*.py")})
+        assert outside <= ({"numpy"} if module.stem in KERNEL else {"numpy", "yaml"})
+        assert own <= ({*KERNEL} if module.stem in KERNEL else every)
         assert "yaml" not in outside or module.stem == "text"  # one home
 
 
@@ -215,11 +216,8 @@ def test_rates_are_accepted_just_above_their_greatest_value_and_never_below(
         greatest = np.abs(found).max(axis=0)
         for factor, good in ((1.03, True), (0.999, False)):
             world.limits = {name: (factor * greatest).tolist()}
-            if good:
+            with rejects_unless(good, f"limits.{name}: joint .* is beyond it"):
                 check_limit(world, name)
-            else:
-                with pytest.raises(RejectedError, match=f"limits.{name}: joint .* is beyond it"):
-                    check_limit(world, name)
         with pytest.raises(RejectedError, match=r"limits.position: one for every joint"):  # which a world always has
             check_limit(world, "position")
         if order > 1 and trial == 0:
@@ -239,10 +237,6 @@ def test_rates_are_accepted_just_above_their_greatest_value_and_never_below(
 @pytest.mark.parametrize(("scene", "kind"), motions())
 def test_no_bound_exceeds_the_distance_anywhere_on_its_interval(scene: str, kind: str, tmp_path: Path) -> None:
     """For random pairs, intervals and directions; the distance is coal's, the bodies those of the loaded robot."""
-    import coal
-
-    from hdplan.planner.geometry.shape_table import operations
-
     world, curve, setup = random_motion(scene, kind, tmp_path)
     robot, rng = setup.robot, np.random.default_rng(5)
     items = {item.name: item for item in robot.collision.geometryObjects}
@@ -283,8 +277,6 @@ def test_no_bound_exceeds_the_distance_anywhere_on_its_interval(scene: str, kind
 
 def test_moving_obstacles_are_where_the_scene_says(tmp_path: Path) -> None:
     """Steady motions and timed poses, against hdplan's own; their times fall between the motion's rows."""
-    from hdplan.scenes.obstacle_motion import ObstacleMotion
-
     rng = np.random.default_rng(8)
     pose = hdplan.Pose.from_rpy((2.0, 0.3, 0.5), (0.1, -0.4, 0.9))
     poses = [hdplan.Pose.from_rpy(rng.uniform(2, 3, 3).tolist(), rng.uniform(-1, 1, 3).tolist()) for _ in range(4)]
@@ -294,18 +286,13 @@ def test_moving_obstacles_are_where_the_scene_says(tmp_path: Path) -> None:
     timed = hdplan.TimedPoses((0.35, 0.8, 1.1, 1.9, 3.0), tuple(poses))
     obstacles.append(hdplan.Obstacle("timed", hdplan.Sphere(0.1), motion=timed))
     start = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
-    scene = hdplan.Scene(
-        robot="panda", obstacles=obstacles, start=start, goal=start, timing=hdplan.Timing(duration=2.5)
-    )
-    scene.save(tmp_path / "scene.yaml")
-    setup = Setup.of(hdplan.load_scene(tmp_path / "scene.yaml"))
-    rows = setup.query.start + 0.1 * rng.normal(size=(6, 7))
+    given = {"obstacles": obstacles, "timing": hdplan.Timing(duration=2.5)}
+    file, motion_file, setup, still = saved(hdplan.Scene(robot="panda", start=start, goal=start, **given), tmp_path)
+    rows, rates = setup.query.start + 0.1 * rng.normal(size=(6, 7)), rng.normal(size=(6, 7))
     times = np.array([0.0, 0.4, 0.9, 1.3, 2.0, 2.5])
-    trajectory = hdplan.Trajectory(
-        setup.robot.joint_names, rows, dict(setup.robot.locked), times, rng.normal(size=(6, 7))
-    )
-    trajectory.save(tmp_path / "m.json")
-    world = read_and_planned(setup, tmp_path / "scene.yaml", tmp_path / "m.json")
+    trajectory = replace(still, positions=rows, times=times, velocities=rates)
+    trajectory.save(motion_file)
+    world = read_and_planned(setup, file, motion_file)
     refined = np.array(sorted({*times.tolist(), 0.35, 0.8, 1.1, 1.9}))
     assert len(world.control.mid) == len(refined) - 1
     share = rng.random(60)
@@ -315,9 +302,8 @@ def test_moving_obstacles_are_where_the_scene_says(tmp_path: Path) -> None:
         exact = ObstacleMotion.of(next(each for each in setup.scene.obstacles if each.name == piece.name))
         for k, s in enumerate([*(2 * share - 1), 0.0]):
             now = float(np.interp(low[k] + (s + 1) / 128, np.arange(len(refined)), refined))
-            assert np.abs(trajectory.curve.at_time(now) - motion.middle[k, :7] - s * motion.step[k, :7]).max() <= (
-                motion.off[k, :7].max() + 1e-13
-            )
+            away = np.abs(trajectory.curve.at_time(now) - motion.middle[k, :7] - s * motion.step[k, :7])
+            assert away.max() <= motion.off[k, :7].max() + 1e-13
             turn, at = np.eye(3), np.zeros(3)
             chain, joint = [], piece.joint
             while joint >= 0:

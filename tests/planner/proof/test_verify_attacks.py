@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.planner.robot.loading import load_robot
 from hdplan.scenes.robot_files.library import data_folder, description_of, robot_names
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import RejectedError
 from hdplan.verify.balls import dot
-from hdplan.verify.meshes import triangles
 from hdplan.verify.reading import read_world
 from hdplan.verify.robot_files import robot_of
 from hdplan.verify.text import strict_xml
@@ -75,9 +73,7 @@ def test_a_joint_that_follows_another_is_held_where_it_follows(cage: Content, tm
             words_of(scene, motion, packed(head, other, cage[3]))
 
 
-def test_large_heads_and_many_groups_are_rejected_before_they_cost_memory(
-    cage: Content,
-) -> None:
+def test_large_heads_and_many_groups_are_rejected_before_they_cost_memory(cage: Content) -> None:
     check(cage, "too large|too long", {**cage[1], "more": "[]," * 23_000_000})
     world = read(find_scene("panda_cage"), cage[0])
     cuts = {key: len(x) for key, x in world.parts.items()}
@@ -96,42 +92,10 @@ def test_long_sums_are_enclosed(terms: int) -> None:
         assert all(abs(Fraction(m) - exact) <= Fraction(r) for m, r in zip(found.mid.flat, found.rad.flat, strict=True))
 
 
-BINARY = (
-    bytes(80) + (1).to_bytes(4, "little") + np.array([0] * 3 + [0, 0, 0, 9, 0, 0, 0, 9, 0], "<f4").tobytes() + b"\0\0"
-)
-LOOP = "facet normal 0 0 1\nouter loop\n%sendloop\nendfacet\n"
-
-
-@pytest.mark.parametrize(
-    ("name", "data"),
-    [
-        ("a.stl", BINARY + b"\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"),  # what follows is not the mesh
-        ("a.stl", (LOOP % ("vertex 0 0 0\n" * 4) + LOOP % ("vertex 1 0 0\n" * 2)).encode()),
-        ("a.stl", (LOOP % "vertex 0 0 0 vertex 9 0 0\nvertex 1 0 0\nvertex 0 1 0\n").encode()),
-        ("a.obj", b"v 0 0 0\nV 9 9 9\nv 1 0 0\nv 0 1 0\nv 2 2 2\nf 1 2 3\n"),
-        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\nv 0 0 1\n"),
-        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 9 9\nf 1 2 3 \\\n4\n"),
-        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0 \0\nf 1 2 3\n"),
-    ],
-)
-def test_meshes_that_others_would_read_otherwise_are_rejected(name: str, data: bytes) -> None:
-    with pytest.raises((RejectedError, ValueError)):
-        triangles(Path(name), data, upright=False)
-
-
-def test_meshes_are_read_as_they_are_written() -> None:
-    wanted = [[[0, 0, 0], [9, 0, 0], [0, 9, 0]]]
-    text = (LOOP % "vertex 0 0 0\nvertex 9 0 0\nvertex 0 9 0\n").encode()
-    assert triangles(Path("a.stl"), BINARY, False).mid.tolist() == wanted
-    assert triangles(Path("a.stl"), b"solid x\r\n" + text.upper() + b"endsolid x\n", False).mid.tolist() == wanted
-    lines = b"# a\x0cv 5 5 5\n# b\x85v 5 5 5\nv 0 0 0\rv 9 0 0\r\nv 0 9 0 1\nf 1/1/1 2//2 -1\n"
-    assert triangles(Path("a.obj"), lines, False).mid.tolist() == wanted
-
-
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["baxter", "tiago", "pr2", "panda", "alex_nub_hands", "xarm7", "a1"])
 def test_joints_come_in_the_order_in_which_a_scene_counts_them(name: str, tmp_path: Path) -> None:
-    robot = load_robot(hdplan.RobotSpec(name=name))
+    robot = hdplan.load_robot(hdplan.RobotSpec(name=name))
     joints, ends = list(robot.joint_names)[::-1], json.dumps([0.0] * robot.n)
     (tmp_path / "s.yaml").write_text(
         f"hdplan: 1\nrobot: {{name: {name}}}\nstart: {{joints: {ends}}}\ngoal: {{joints: {ends}}}\n"

@@ -13,135 +13,43 @@ import pytest
 import yaml
 
 import hdplan
-from hdplan.planner.geometry.mesh_files import read_mesh_file
-from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.robot_files.library import data_folder, library_package_dirs
-from hdplan.scenes.robot_spec import PlanarBase
 from hdplan.verify import RejectedError
 from hdplan.verify.balls import Ball
 from hdplan.verify.kernel import Motion
-from hdplan.verify.meshes import triangles
 from hdplan.verify.reading import read_world
 from hdplan.verify.semantics import Semantics
 from hdplan.verify.turns import rotation
 from hdplan.verify.verdict import statement
 from hdplan.verify.world import World
 
-from .worlds import read, read_and_planned, words_of
+from ..urdf import joint_text, link_text, robot_text
+from .worlds import read, read_and_planned, rejects_unless, saved, scene_files, words_of
 
 HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
-
-
-@pytest.mark.sampled(30)
-@pytest.mark.parametrize("first", range(30))
-def test_collada_files_are_read_as_hdplan_reads_them_or_refused(first: int) -> None:
-    """Every 30th of the library: each triangle has the same corners, but for hdplan's single precision."""
-    read = 0
-    for file in sorted(data_folder().glob("**/*.dae"))[first::30]:
-        try:
-            found = triangles(file, file.read_bytes(), upright=False)
-        except RejectedError as error:
-            assert "COLLADA" in str(error) or "key" in str(error)  # noqa: PT017
-            continue
-        points, corners = read_mesh_file(file)
-        assert (
-            np.abs(np.sort(points[corners], axis=1) - np.sort(found.mid, axis=1)).max() <= 1e-6 * np.abs(points).max()
-        )
-        assert found.rad.max() < 1e-12
-        read += 1
-    assert read > 2
-
-
-DAE = """<COLLADA xmlns="x"><asset><unit meter="1"/></asset><library_geometries><geometry id="g"><mesh>
-<source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 -1 1 0</float_array><technique_common>
-<accessor source="#a" count="4" stride="3"/></technique_common></source>
-<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
-<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
-<polylist count="1"><input semantic="VERTEX" source="#v" offset="1"/><input semantic="NORMAL" source="#n" offset="0"/>
-<vcount>4</vcount><p>9 0 9 1 9 2 9 3</p></polylist></mesh></geometry></library_geometries>
-<library_visual_scenes><visual_scene id="s"><node><matrix>2 0 0 1 0 2 0 0 0 0 2 0 0 0 0 1</matrix>
-<node><matrix>0 -1 0 0 1 0 0 0 0 0 1 5 0 0 0 1</matrix><instance_geometry url="#g"/></node></node></visual_scene>
-</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
-
-
-def test_nodes_of_a_collada_file_place_each_other() -> None:
-    points = np.array([[1, 0, 10], [1, 2, 10], [-1, 0, 10], [-1, -2, 10]])
-    other = "<translate>1 0 0</translate><scale>2 2 2</scale><translate>0 0 5</translate><rotate>0 0 1 90</rotate>"
-    start, end = DAE.index("<matrix>2"), DAE.index("<instance_geometry")
-    for text in (DAE, f"{DAE[:start]}<node>{other}{DAE[end:]}"):
-        found = triangles(Path("a.dae"), text.encode(), upright=False)
-        assert (np.abs(found.mid - points[[[0, 1, 2], [0, 1, 2], [0, 2, 3]]]) <= found.rad).all()
-        assert found.rad.max() < 1e-12
-
-
-@pytest.mark.parametrize(
-    ("before", "after"),
-    [
-        ('meter="1"', 'meter="0.01"'),
-        ('stride="3"', 'stride="4"'),
-        ('stride="3"', 'stride="3" offset="3"'),
-        ("<p>0 1 2</p>", "<p>0 1 7</p>"),
-        ("<p>0 1 2</p>", "<p>0 1 -1</p>"),
-        ("<vcount>4", "<vcount>3"),
-        ("<polylist", "<tristrips/><polylist"),
-        ("<node><matrix>2", "<node><skew>0 0 1</skew><matrix>2"),
-        ("<node><matrix>2", '<node><instance_node url="#s"/><matrix>2'),
-        ("0 0 0 0 1</matrix>\n<node>", "0 0 0 0 2</matrix>\n<node>"),
-        ('<instance_geometry url="#g"/>', '<instance_geometry url="other.dae#g"/>'),
-        ('<instance_geometry url="#g"/>', ""),
-        ('<source id="p">', '<source id="g">'),
-        ("0 1 0 -1 1 0</float", "0 1 0 -1 1 inf</float"),
-    ],
-)
-def test_other_collada_files_are_refused(before: str, after: str) -> None:
-    assert before in DAE
-    with pytest.raises((RejectedError, ValueError, IndexError, KeyError)):
-        triangles(Path("a.dae"), DAE.replace(before, after).encode(), upright=False)
-
-
-@pytest.mark.parametrize(
-    ("points", "good"),
-    [
-        ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], True),
-        ([[0, 0, 0], [1, 0, 0.5], [1, 1, 0], [0, 1, 0.5]], True),  # bent, and whoever cuts it begins at the first
-        ([[0, 0, 0], [1, 0, 0], [0.2, 0.2, 0], [0, 1, 0]], True),  # seen whole from the first corner
-        ([[0, 0, 0], [0.2, 0.2, 0], [1, 0, 0], [0, 1, 0]], False),
-        ([[0, 0, 0], [1, 0, 0], [2, 1, 0], [1, 2, 0], [0, 1, 0]], True),
-        ([[0, 0, 0], [1, 0, 0.3], [2, 1, 0], [1, 2, 0.3], [0, 1, 0]], False),
-        ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, -1, 0]], False),
-    ],
-)
-def test_faces_of_which_readers_disagree_are_refused(points: list[list[float]], good: bool) -> None:
-    """hdplan refuses them, too: a proof about one way to cut them would be none about another."""
-    lines = [*(f"v {x} {y} {z}" for x, y, z in points), f"f {' '.join(str(i + 1) for i in range(len(points)))}"]
-    text = "\n".join(lines).encode()
-    if good:
-        assert len(triangles(Path("a.obj"), text, upright=False).mid) == len(points) - 2
-        return
-    with pytest.raises(RejectedError, match="readers disagree about its surface"):
-        triangles(Path("a.obj"), text, upright=False)
+WEIGHED = {  # a scene in which masses matter
+    "robot": {"urdf": "r.urdf"}, "start": {"joints": [0]}, "goal": {"joints": [0]},
+    "limits": {"torque": 9, "velocity": 1},
+}  # fmt: skip
 
 
 def files(scene: hdplan.Scene, folder: Path, change: Callable[[str], str] = str) -> tuple[Path, Path]:
     """Write a scene and a short motion, after a change to the scene's text."""
-    scene.save(folder / "scene.yaml")
-    setup = Setup.of(hdplan.load_scene(folder / "scene.yaml"))
-    rows = np.array([setup.query.start, setup.query.start + 0.01])
-    hdplan.Trajectory(setup.robot.joint_names, rows, dict(setup.robot.locked)).save(folder / "m.json")
-    text = (folder / "scene.yaml").read_text()
-    (folder / "scene.yaml").write_text(change(text))
+    file, motion, _, _ = saved(scene, folder, to=0.01)
+    text = file.read_text()
+    file.write_text(change(text))
     assert (change(text) == text) == (change is str)
-    return folder / "scene.yaml", folder / "m.json"
+    return file, motion
 
 
 def world(scene: hdplan.Scene, folder: Path) -> World:
     """Scene and a short motion as the checker reads them, equal to hdplan's."""
-    two = files(scene, folder)
-    return read_and_planned(Setup.of(hdplan.load_scene(two[0])), *two)
+    file, motion, setup, _ = saved(scene, folder, to=0.01)
+    return read_and_planned(setup, file, motion)
 
 
 def test_a_mobile_base_carries_the_robot(tmp_path: Path) -> None:
-    base = PlanarBase(x=(-2, 2), y=(-1, 3), yaw=(-3, 3))
+    base = hdplan.PlanarBase(x=(-2, 2), y=(-1, 3), yaw=(-3, 3))
     spec = hdplan.RobotSpec(name="panda", base=hdplan.Pose((1.0, 0.0, 0.2)), base_joints=base)
     start = [0.3, -0.2, 1.1, *HOME]
     scene = hdplan.Scene(robot=spec, start=start, goal=start)
@@ -165,29 +73,23 @@ def test_a_mobile_base_carries_the_robot(tmp_path: Path) -> None:
     ],
 )
 def test_hidden_requirements_of_a_scene_are_refused(before: str, after: str, words: str, tmp_path: Path) -> None:
-    scene = hdplan.Scene(
-        robot=hdplan.RobotSpec(name="panda", locked={"panda_finger_joint1": 0.01}), start=HOME, goal=HOME
-    )
+    robot = hdplan.RobotSpec(name="panda", locked={"panda_finger_joint1": 0.01})
+    scene = hdplan.Scene(robot=robot, start=HOME, goal=HOME)
     with pytest.raises(RejectedError, match=words):
         read(*files(scene, tmp_path, lambda text: text.replace(before, after, 1)))
 
 
-def test_a_key_that_stands_twice_in_a_motion_is_refused(tmp_path: Path) -> None:
-    two = files(hdplan.Scene(robot="panda", start=HOME, goal=HOME), tmp_path)
-    text = two[1].read_text()
-    two[1].write_text(text.replace("{", '{"joint_names": [], ', 1))
-    with pytest.raises(RejectedError, match="appears twice"):
-        read(*two)
-
-
-def test_a_motion_without_positions_has_no_others_in_their_place(tmp_path: Path) -> None:
-    two = files(hdplan.Scene(robot="panda", start=HOME, goal=HOME), tmp_path)
-    content = json.loads(two[1].read_text())
-    two[1].write_text(
-        json.dumps({**content, "times": [0, 1], "velocities": content.pop("positions")} | {"positions": None})
-    )
-    with pytest.raises(RejectedError, match="has no positions"):
-        read(*two)
+def test_a_motion_with_a_key_twice_or_without_positions_is_refused(tmp_path: Path) -> None:
+    """Its velocities do not stand for positions."""
+    scene, motion = files(hdplan.Scene(robot="panda", start=HOME, goal=HOME), tmp_path)
+    text = motion.read_text()
+    content = json.loads(text)
+    rates = {**content, "times": [0, 1], "velocities": content["positions"], "positions": None}
+    twice = text.replace("{", '{"joint_names": [], ', 1)
+    for changed, words in ((twice, "appears twice"), (json.dumps(rates), "has no positions")):
+        motion.write_text(changed)
+        with pytest.raises(RejectedError, match=words):
+            read(scene, motion)
 
 
 @pytest.mark.parametrize(
@@ -205,17 +107,12 @@ def test_torques_of_masses_that_no_body_has_are_not_proven(
 ) -> None:
     """They would be those of another robot; hdplan refuses such a scene, too."""
     inertia = '<inertia ixx="{}" iyy="{}" izz="{}" ixy="0" ixz="0" iyz="0"/>'.format(*moments)
-    (tmp_path / "r.urdf").write_text(f"""<robot name="r"><link name="a"/><link name="b"><inertial><mass value="{mass}"/>
-{inertia}</inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>""")
-    ends = "start: {joints: [0]}\ngoal: {joints: [0.1]}\n"
-    (tmp_path / "s.yaml").write_text(f"hdplan: 1\nrobot: {{urdf: r.urdf}}\n{ends}limits: {{torque: 9, velocity: 1}}\n")
+    body = link_text("b", inertial=f'<inertial><mass value="{mass}"/>{inertia}</inertial>')
+    urdf = robot_text(link_text("a"), body, joint_text("j", "a", "b", kind="continuous"))
     motion = {"joint_names": ["j"], "times": [0, 1], "positions": [[0], [0.1]], "velocities": [[0], [0]]}
-    (tmp_path / "m.json").write_text(json.dumps({"hdplan_trajectory": 1, **motion}))
-    if not words:
-        assert read(tmp_path / "s.yaml", tmp_path / "m.json").loads[0]["mass"] == 1
-        return
-    with pytest.raises(RejectedError, match=words):
-        read(tmp_path / "s.yaml", tmp_path / "m.json")
+    files = scene_files(tmp_path, WEIGHED, motion, {"r.urdf": urdf})
+    with rejects_unless(not words, words):
+        assert read(*files).loads[0]["mass"] == 1
 
 
 @pytest.mark.parametrize(
@@ -231,10 +128,7 @@ def test_a_named_state_of_two_values_or_none_is_refused(words: str) -> None:
         Semantics(f"<robot>{words}</robot>".encode(), {"b": ("j", "a")}, ["a", "b"])
 
 
-@pytest.mark.parametrize(
-    "words",
-    ["pose: 0", "pose: []", "motion: {velocity: 1}", "shape: {type: box, size: 1}"],
-)
+@pytest.mark.parametrize("words", ["pose: 0", "pose: []", "motion: {velocity: 1}", "shape: {type: box, size: 1}"])
 def test_numbers_that_could_stand_for_others_are_refused(words: str, tmp_path: Path) -> None:
     scene = hdplan.Scene(robot="panda", start=HOME, goal=HOME)
     more = {"name": "a", "shape": {"type": "box", "size": [1, 1, 1]}, **yaml.safe_load(words)}
@@ -250,10 +144,9 @@ PAIRS = ("enable_collisions", "disable_collisions")
 def test_an_srdf_that_turns_pairs_on_and_off_at_large_is_read_as_hdplan_reads_it(seed: int, tmp_path: Path) -> None:
     rng, links = np.random.default_rng(seed), [f"panda_link{i}" for i in range(8)]
     words = [f'<disable_default_collisions link="{x}"/>' for x in rng.choice(links, 2)]
-    words += [
-        '<{} link1="{}" link2="{}" reason="x"/>'.format(rng.choice(PAIRS), *rng.choice(links, 2, replace=False))
-        for _ in range(8)
-    ]
+    for _ in range(8):
+        one, two = rng.choice(links, 2, replace=False)
+        words.append(f'<{rng.choice(PAIRS)} link1="{one}" link2="{two}" reason="x"/>')
     (tmp_path / "r.srdf").write_text(f'<robot name="panda">{"".join(rng.permutation(words))}</robot>')
     (tmp_path / "r.urdf").write_bytes((data_folder() / "panda_description/urdf/panda.urdf").read_bytes())
     robot = hdplan.RobotSpec(urdf=tmp_path / "r.urdf", srdf=tmp_path / "r.srdf", package_dirs=library_package_dirs())
@@ -276,11 +169,8 @@ def test_limits_of_a_scene_do_not_widen_those_of_the_robot(tmp_path: Path) -> No
         for limits, fine in (({}, good), ({"panda_joint1": [-9, 9]}, good), ({"panda_joint1": [0, start[0]]}, False)):
             more = f"{json.dumps({'limits': {'position': limits}})[1:-1]}\n"
             found = read(*files(scene, tmp_path, lambda text, more=more: text + more))
-            if fine:
+            with rejects_unless(fine, "'panda_joint1' is beyond it"):
                 statement(found, head)
-            else:
-                with pytest.raises(RejectedError, match="'panda_joint1' is beyond it"):
-                    statement(found, head)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of processes are those of Linux")
@@ -288,11 +178,7 @@ def test_limits_of_a_scene_do_not_widen_those_of_the_robot(tmp_path: Path) -> No
     ("attack", "wait", "words"),
     [
         ("bytearray(3 << 30)", 15, "rejected: needs more memory than it may take"),
-        (
-            "while True: pass",
-            15,
-            "rejected: needs more than 1 s of a processor",
-        ),  # longer on a busy machine
+        ("while True: pass", 15, "rejected: needs more than 1 s of a processor"),  # longer on a busy machine
         ("import time; time.sleep(60)", 2, "rejected: needs more than 2 s"),
     ],
 )
@@ -359,14 +245,7 @@ def test_what_stands_twice_in_a_urdf_or_is_not_known_is_refused(before: str, aft
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous">
 <origin xyz="0 0 1"/><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint></robot>"""
     assert before in text
-    scene = (
-        "hdplan: 1\nrobot: {urdf: r.urdf}\nstart: {joints: [0]}\ngoal: {joints: [0]}\nlimits: {torque: 5, velocity: 1}"
-    )
-    (tmp_path / "s.yaml").write_text(scene)  # so that masses matter
-    motion = '{"hdplan_trajectory": 1, "joint_names": ["j"], "positions": [[0], [1]], "times": [0, 2]}'
-    (tmp_path / "m.json").write_text(motion)
-    (tmp_path / "r.urdf").write_text(text)
-    assert len(read(tmp_path / "s.yaml", tmp_path / "m.json").joints) == 1
-    (tmp_path / "r.urdf").write_text(text.replace(before, after))
-    with pytest.raises(RejectedError, match=r"twice|origin|not known|axis: 3"):
-        read(tmp_path / "s.yaml", tmp_path / "m.json")
+    motion = {"joint_names": ["j"], "positions": [[0], [1]], "times": [0, 2]}
+    for urdf in (text, text.replace(before, after)):
+        with rejects_unless(urdf == text, r"twice|origin|not known|axis: 3"):
+            assert len(read(*scene_files(tmp_path, WEIGHED, motion, {"r.urdf": urdf})).joints) == 1

@@ -17,26 +17,15 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import hdplan
+from hdplan import Attached, Cloud, InputError, Limits, Pose, RobotSpec, Scene, Timing, Trajectory, Voxels, load_robot
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.world import not_compared, world_of
 from hdplan.planner.proof.world_values import frame_of
 from hdplan.planner.robot.link_frame import end_effector
-from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Attached
-from hdplan.scenes.clouds import Cloud
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
-from hdplan.scenes.timing import Timing
-from hdplan.scenes.voxel_grids import Voxels
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.verify.compare import check_equal, plain
 
@@ -213,7 +202,7 @@ def lifter(folder: Path, **sections: Any) -> Scene:
 
 
 def test_robots_with_followers_or_a_base_that_moves_or_hangs_are_where_pinocchio_has_them(tmp_path: Path) -> None:
-    wheels = PlanarBase(x=(-2.0, 2.0), y=(-1.0, 1.0), yaw=(-3.0, 3.0))
+    wheels = hdplan.PlanarBase(x=(-2.0, 2.0), y=(-1.0, 1.0), yaw=(-3.0, 3.0))
     for spec in (RobotSpec(name="ur5", base=TURNED, base_joints=wheels), RobotSpec(name="ur5", base=TURNED)):
         n = load_robot(spec).n
         placed_alike(Setup.of(Scene(robot=spec, start=[0.0] * n, goal=[0.1] * n)))
@@ -222,9 +211,8 @@ def test_robots_with_followers_or_a_base_that_moves_or_hangs_are_where_pinocchio
 
 def test_followers_and_what_limits_them(tmp_path: Path) -> None:
     """Each joint has its own limits; the planned ones are not narrowed by what follows them, nor are its velocities."""
-    found = world(
-        lifter(tmp_path, limits=Limits(velocity={"lift": 0.5}, acceleration=2.0), timing=Timing(duration=3.0))
-    )
+    limits = Limits(velocity={"lift": 0.5}, acceleration=2.0)
+    found = world(lifter(tmp_path, limits=limits, timing=Timing(duration=3.0)))
     names = [joint["name"] for joint in found["joints"]]
     follows = {joint["name"]: joint["follows"] for joint in found["joints"] if joint["follows"]}
     assert names == ["turn", "cylinder", "lift", "elbow", "roll", "bend", "slide", "piston", "rod"]
@@ -273,9 +261,7 @@ def test_loads_give_pinocchios_inertia_and_gravity(name: str) -> None:
         expected = np.triu(pin.crba(model, data, q))
         np.testing.assert_allclose(inertia, expected + np.triu(expected, 1).T, atol=1e-9)
         np.testing.assert_allclose(gravity, pin.computeGeneralizedGravity(model, data, q), atol=1e-9)
-    held = sum(each.mass or 0.0 for each in setup.scene.attached) + (
-        setup.scene.payload.mass if setup.scene.payload else 0
-    )
+    held = sum(each.mass or 0.0 for each in (*setup.scene.attached, setup.scene.payload) if each)
     assert sum(load["mass"] for load in found["loads"]) > held > 0.0
 
 
@@ -319,9 +305,8 @@ def test_bounds_hold_for_quaternions_that_are_kept_as_they_are(tmp_path: Path) -
         off = np.abs(np.reshape(frame_of(pose)["rotation"], (3, 3)) - exact).max()
         assert off <= frame_of(pose)["off"]
     spec = RobotSpec(urdf=linkage_urdf(tmp_path), base=Pose((-30.0, 0.0, 0.0), (0.0, 0.0, 1.0 + 0.9e-12, 0.0)))
-    (tmp_path / "lifter.urdf").write_text(
-        (tmp_path / "lifter.urdf").read_text().replace('<origin xyz="0 0 0.5"/>', '<origin xyz="-30 0 0.5"/>')
-    )
+    text = spec.urdf.read_text().replace('<origin xyz="0 0 0.5"/>', '<origin xyz="-30 0 0.5"/>')
+    spec.urdf.write_text(text)
     joint = world(Scene(robot=spec, start=[0.0] * 5, goal=[0.1] * 5))["joints"][0]
     assert 1e-12 < np.abs(np.subtract(joint["position"], [0.0, 0.0, 0.5])).max() <= joint["off"]
 
@@ -428,33 +413,20 @@ def test_the_first_reason_counts(tmp_path: Path) -> None:
     off = (("a", "a_tip"), ("a", "b"), ("b", "c"), ("b", "d"), ("a", "d"), ("base", "c"))
     text = "".join(f'<disable_collisions link1="{a}" link2="{b}" reason="Never"/>' for a, b in off)
     (tmp_path / "r.srdf").write_text(f'<robot name="r">{text}</robot>')
-    spec = RobotSpec(
-        urdf=tmp_path / "r.urdf",
-        srdf=tmp_path / "r.srdf",
-        ignore_pairs=[("b", "d"), ("base", "d")],
-        check_pairs=[("a", "a_tip"), ("a", "d"), ("c", "d")],
-    )
-    held = [
-        Attached("ball", "d", Sphere(0.1), touch_links=["c", "d"]),
-        Attached("foot", "base", Sphere(0.1), touch_links=["ball"]),
-    ]
-    ends = {"start": [1.0, 1.0, 1.0, 1.0], "goal": [0.0] * 4}
-    moving = Obstacle("drone", Sphere(0.1), motion=SteadyMotion())
+    pairs = {"ignore_pairs": [("b", "d"), ("base", "d")], "check_pairs": [("a", "a_tip"), ("a", "d"), ("c", "d")]}
+    spec = RobotSpec(urdf=tmp_path / "r.urdf", srdf=tmp_path / "r.srdf", **pairs)
+    ball = Attached("ball", "d", Sphere(0.1), touch_links=["c", "d"])
+    held = [ball, Attached("foot", "base", Sphere(0.1), touch_links=["ball"])]
+    ends = {"start": [1.0] * 4, "goal": [0.0] * 4}
+    moving = hdplan.Obstacle("drone", Sphere(0.1), motion=hdplan.SteadyMotion())
     scene = Scene(robot=spec, attached=held, obstacles=[Box([0.1] * 3, name="Box"), moving], **ends)
-    assert not_compared(Setup.of(scene)) == [
-        ["a", "a_tip", "moving as one"],
-        ["a", "b", "the SRDF"],
-        ["a", "base", "neighbours"],
-        ["b", "c", "the SRDF"],
-        ["b", "d", "robot.ignore_pairs"],
-        ["ball", "c", "touch_links"],
-        ["ball", "d", "moving as one"],
-        ["ball", "foot", "touch_links"],
-        ["base", "c", "the SRDF"],
-        ["base", "d", "robot.ignore_pairs"],
-        ["base", "foot", "moving as one"],
-    ]
-    nothing = replace(scene, robot=replace(spec, check_pairs=()), self_collision=SelfCollision(checked=False))
+    reasons = {
+        "moving as one": ["a a_tip", "ball d", "base foot"], "the SRDF": ["a b", "b c", "base c"],
+        "robot.ignore_pairs": ["b d", "base d"], "touch_links": ["ball c", "ball foot"], "neighbours": ["a base"],
+    }  # fmt: skip
+    expected = [[*pair.split(), reason] for reason, pairs in reasons.items() for pair in pairs]
+    assert not_compared(Setup.of(scene)) == sorted(expected)
+    nothing = replace(scene, robot=replace(spec, check_pairs=()), self_collision=hdplan.SelfCollision(checked=False))
     alone = not_compared(Setup.of(nothing))
     own = ["a", "a_tip", "b", "ball", "base", "c", "d", "foot"]
     assert alone == [[one, other, "self_collision: false"] for i, one in enumerate(own) for other in own[i + 1 :]]
@@ -509,12 +481,10 @@ def test_what_no_world_holds_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="joint 'nowhere' is not one of"):
         world_of(setup, Trajectory((*setup.robot.joint_names, "nowhere"), np.zeros((2, setup.robot.n + 1))))
     pair = setup.robot.self_pairs[0]
-    touching = replace(
-        setup.robot, self_pairs=setup.robot.self_pairs[1:], unchecked={**setup.robot.unchecked, pair: ALWAYS_TOUCHING}
-    )
-    with pytest.raises(
-        InputError, match=f"links {pair[0]} and {pair[1]} always touch.*: name them in robot.ignore_pairs"
-    ):
+    unchecked = {**setup.robot.unchecked, pair: ALWAYS_TOUCHING}
+    touching = replace(setup.robot, self_pairs=setup.robot.self_pairs[1:], unchecked=unchecked)
+    words = f"links {pair[0]} and {pair[1]} always touch.*: name them in robot.ignore_pairs"
+    with pytest.raises(InputError, match=words):
         not_compared(replace(setup, robot=touching))
     robot = load_robot(RobotSpec(urdf=linkage_urdf(tmp_path)))
     robot.model.jointPlacements[1].translation = np.ones(3)

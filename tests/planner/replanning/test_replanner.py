@@ -82,8 +82,8 @@ def test_nothing_is_touched_while_the_robot_moves(seed: int, monkeypatch: pytest
     assert braked > 0  # and was not left alone
 
 
-def test_what_is_left_of_a_motion_is_proven_in_every_newer_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As pictures that are exact only show what the older ones allowed."""
+def test_the_rest_of_a_motion_is_proven_in_every_newer_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exact pictures only show what the older ones allowed."""
     monkeypatch.setattr("hdplan.planner.replanning.outlook.PLANNING_LIMIT", 0.05)
     rng, drive, looked = np.random.default_rng(3), Drive(limited("planar_arm", obstacles=())), 0
     places = [np.array([1.0, -0.8, 0.1]), np.array([-0.9, 1.0, 0.1])]

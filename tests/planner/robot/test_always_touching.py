@@ -13,19 +13,16 @@ import pytest
 import trimesh
 
 import hdplan
+from hdplan import Robot, RobotSpec, Scene, load_robot
 from hdplan.distance.compiled.cache import content_key
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.robot import lasting_contacts
 from hdplan.planner.robot.always_touching import _balls, _distance, always_touching
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, LIMIT_EXCESS
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.robot_files.link_pairs import link_pair
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -101,13 +98,8 @@ def test_distances_from_triangles_are_coals() -> None:
 
 @pytest.mark.parametrize(
     "shape",
-    [
-        coal.Box(0.2, 0.4, 1.0),
-        coal.Sphere(0.3),
-        coal.Ellipsoid(0.1, 0.2, 0.6),
-        coal.Cylinder(0.2, 0.9),
-        coal.Capsule(0.2, 0.6),
-    ],
+    [coal.Box(0.2, 0.4, 1.0), coal.Sphere(0.3), coal.Ellipsoid(0.1, 0.2, 0.6), coal.Cylinder(0.2, 0.9)]
+    + [coal.Capsule(0.2, 0.6)],
     ids=lambda shape: type(shape).__name__,
 )
 def test_balls_lie_inside(shape: coal.ShapeBase) -> None:
@@ -168,7 +160,7 @@ def test_what_was_proven_is_kept_and_a_damaged_entry_is_not_believed(
     assert len(proofs) == 1
     cut = [whole[: len(whole) // 2], whole[:-1], b"", whole.replace(b"l0", b"l1"), whole + b" "]
     others = ["[]", "5", "null", '{"a": 1}', "[[5], []]", '[[["l0"]], []]', '[[[["l0"], "l2"]], []]']
-    planted = [f"{content_key(other)}\n{other}".encode() for other in others]
+    planted = [f"{content_key('lasting_contacts', entry.stem, other)}\n{other}".encode() for other in others]
     for count, damaged in enumerate([*cut, *planted], start=2):
         entry.write_bytes(damaged)
         assert kept_robot(tmp_path).unchecked == first.unchecked
@@ -190,8 +182,7 @@ def test_an_entry_is_of_one_robot_alone(tmp_path: Path, monkeypatch: pytest.Monk
         text.replace("0 .6 .8", "0 .8 .6", 1),
         text.replace('upper="1.0"', 'upper="1.5"', 1),
         text.replace('<origin xyz="0 0 0"', '<origin xyz="0 0 1e-9"', 1),
-        mesh,
-        mesh,
+        *[mesh] * 2,
     ]
     for count, changed in enumerate(changes, start=2):
         if count == len(changes) + 1:

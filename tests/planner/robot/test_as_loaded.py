@@ -12,31 +12,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import hdplan
+from hdplan import InputError, Limits, Robot, Scene, Sphere, Trajectory, load_robot
 from hdplan.planner.certificate.certifier import Certifier, certify
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Sphere
 from tests.threads import together
 
 START, GOAL = [0.0, -1.0, 1.0, -1.0, -1.5, 0.0], [0.2, -1.0, 1.0, -1.0, -1.5, 0.0]
-SCENE = Scene(
-    robot="ur5",
-    start=START,
-    goal=GOAL,
-    obstacles=[Obstacle("ball", Sphere(0.1), Pose((0.9, 0.9, 0.4)))],
-    limits=hdplan.Limits(torque="urdf"),
-)
-MOTION = Trajectory(
-    load_robot("ur5").joint_names, np.array([START, GOAL]), times=np.array([0.0, 3.0]), velocities=np.zeros((2, 6))
-)
+BALL = Sphere(0.1, name="ball", pose=[0.9, 0.9, 0.4])
+SCENE = Scene(robot="ur5", start=START, goal=GOAL, obstacles=[BALL], limits=Limits(torque="urdf"))
+MOTION = Trajectory(load_robot("ur5").joint_names, [START, GOAL], times=[0.0, 3.0], velocities=np.zeros((2, 6)))
 FAR = np.array([1.0, 2.0, 3.0])
 
 

@@ -11,38 +11,25 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from hdplan.planner.build import build
+from hdplan import Attached, InputError, Obstacle, Pose, Scene, build, load_scene, plan
 from hdplan.planner.certificate.certifier import Certifier, certify, check_configuration
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
 from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.pictures.scene import Picture
-from hdplan.planner.plan import plan
 from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.explain import explain
 from hdplan.planner.view.drawing.skins import HELD, visual_skins
-from hdplan.scenes.attached import Attached
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
-from hdplan.scenes.yaml_format.reader import load_scene
 
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
 HALF = 0.5**0.5
 TURNED = Pose((0.03, -0.02, 0.11), (HALF, 0.0, 0.0, HALF))
-SHAPES: list[Shape] = [
-    Box((0.05, 0.1, 0.3)),
-    Sphere(0.05),
-    Cylinder(0.03, 0.2),
-    Capsule(0.03, 0.2),
-    Ellipsoid((0.03, 0.05, 0.1)),
-    Points(((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.3))),
-    Mesh(Path("bent.obj"), (2.0, 1.0, 1.0)),
-]
+SHAPES: list[Shape] = [Box((0.05, 0.1, 0.3)), Sphere(0.05), Cylinder(0.03, 0.2), Capsule(0.03, 0.2)]
+SHAPES += [Ellipsoid((0.03, 0.05, 0.1)), Points(((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.3)))]
+SHAPES += [Mesh(Path("bent.obj"), (2.0, 1.0, 1.0))]
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +58,6 @@ def test_a_plan_without_the_held_object_is_wrong(carry: Scene) -> None:
     assert careless.certificate.certified
     verdict = certify(carry, careless.trajectory)
     assert not verdict.certified
-    assert verdict.worst is not None
     assert (verdict.worst.link, verdict.worst.other) == ("bottle", "wall")
     assert verdict.worst.distance < -0.02
     careful = plan(carry)
@@ -126,9 +112,8 @@ def test_any_shape_is_held_where_its_pose_in_the_link_says(carry: Scene, shape: 
         seen = support(inner, carried @ item.placement.homogeneous, directions)
         np.testing.assert_allclose(seen, true, rtol=0, atol=1e-9)
         local = directions @ carried[:3, :3]
-        around = np.max(
-            [(local @ body.vertices.T).max(1) + body.radius * np.linalg.norm(local, axis=1) for body in outer], 0
-        )
+        length = np.linalg.norm(local, axis=1)
+        around = np.max([(local @ body.vertices.T).max(1) + body.radius * length for body in outer], 0)
         assert (around + directions @ carried[:3, 3] >= true - 1e-9).all()
 
 
@@ -170,10 +155,7 @@ def test_a_robot_that_does_not_hold_it_proves_nothing(carry: Scene) -> None:
         ({"link": "panda_hnad"}, r"attached\.thing\.link: unknown link 'panda_hnad' \(did you mean 'panda_hand'"),
         ({"touch_links": ("finger",)}, r"attached\.thing\.touch_links: unknown link 'finger'"),
         ({"name": "panda_link3"}, r"attached\.panda_link3: the name 'panda_link3' is taken by a link of panda"),
-        (
-            {"shape": Points(((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1e-8)))},
-            r"attached\.thing\.shape\.points: are flat",
-        ),
+        ({"shape": Points(np.diag([1, 1, 1e-8, 0])[:, :3])}, r"attached\.thing\.shape\.points: are flat"),
         ({"shape": Mesh(Path("flat.stl"))}, r"attached\.thing: mesh .*flat\.stl: "),
     ],
 )
@@ -195,6 +177,7 @@ def test_a_changed_mesh_is_read_again(carry: Scene, tmp_path: Path) -> None:
 
 
 def test_it_is_explained_and_drawn(carry: Scene) -> None:
+
     problem = build(carry)
     ((name, text),) = explain(problem)["held objects"]
     assert name == "bottle"
@@ -203,11 +186,7 @@ def test_it_is_explained_and_drawn(carry: Scene) -> None:
     robot = load_scene_robot(carry)
     (skin,) = (skin for skin in visual_skins(robot, carry.robot)[0] if skin.link == "bottle")
     assert (skin.joint, skin.color) == (robot.link_joint["bottle"], HELD)
-    alone = replace(carry, attached=())
     motion = plan(carry).trajectory
-    shown, without = (
-        Picture.of(Setup.of(carry, robot), motion),
-        Picture.of(Setup.of(alone, load_scene_robot(alone)), motion),
-    )
+    shown, without = (Picture.of(Setup.of(each), motion) for each in (carry, replace(carry, attached=())))
     assert shown.tip_link == "bottle"
     assert len(shown.solids) - len(without.solids) == 5, "at start, at goal and three times between"

@@ -9,18 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdplan import InputError, Robot, RobotSpec, Scene, SelfCollision, Timing, load_scene
 from hdplan.planner.robot.joint_limits import joint_limits
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
-from hdplan.scenes.obstacles import SelfCollision
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.timing import Timing
-from hdplan.scenes.yaml_format.reader import load_scene
+
+from ..urdf import joint_text, link_text, write_robot
 
 
 @pytest.fixture(scope="module")
@@ -81,13 +76,9 @@ def test_what_does_not_fit_the_robot_is_refused(
 @pytest.mark.parametrize("missing", ["", 'effort="0" velocity="0"'])
 def test_a_urdf_without_limits_is_refused_where_they_are_requested(tmp_path: Path, missing: str) -> None:
     limit = f"<limit {missing}/>" if missing else ""
-    urdf = tmp_path / "wheel.urdf"
-    urdf.write_text(
-        '<robot name="wheel"><link name="base"/><link name="rim"/><joint name="turn" type="continuous">'
-        f'<parent link="base"/><child link="rim"/><axis xyz="0 0 1"/>{limit}</joint></robot>'
-    )
-    ends = JointTarget("start", (0.0,)), JointTarget("goal", (1.0,))
-    scene = Scene("wheel", tmp_path / "wheel.yaml", RobotSpec(urdf=urdf), (), *ends)
+    turn = joint_text("turn", "base", "rim", kind="continuous").replace("</joint>", f"{limit}</joint>")
+    urdf = write_robot(tmp_path / "wheel.urdf", link_text("base"), link_text("rim"), turn)
+    scene = Scene(robot=RobotSpec(urdf=urdf), start=[0.0], goal=[1.0])
     robot = load_scene_robot(scene)
     for quantity in ("velocity", "torque"):
         paced = limited(scene, "velocity", 1.0)

@@ -10,24 +10,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.planner.certificate.certifier import certify
+import hdplan
+from hdplan import InputError, Limits, Pose, RobotSpec, Scene, Trajectory, certify, load_robot, load_scene, plan
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.plan import plan
-from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box, Sphere
-from hdplan.scenes.yaml_format.reader import load_scene
 
 from ..urdf import joint_text, link_text, robot_text
 
-BASE = PlanarBase(x=(-2.0, 2.0), y=(-1.0, 1.0), yaw=(-3.0, 3.0))
+BASE = hdplan.PlanarBase(x=(-2.0, 2.0), y=(-1.0, 1.0), yaw=(-3.0, 3.0))
 STANDING = Pose.from_rpy((0.3, -0.2, 0.1), (0.0, 0.0, 0.5))
 
 
@@ -60,11 +50,11 @@ def test_with_a_group_its_joints_and_the_base_are_planned() -> None:
     assert few.locked["base_y"] == 0.5
 
 
-WALL = Obstacle("wall", Box((0.2, 1.0, 1.0)), Pose((1.0, 0.0, 0.5)))
+WALL = hdplan.Obstacle("wall", hdplan.Box((0.2, 1.0, 1.0)), Pose((1.0, 0.0, 0.5)))
 
 
 def test_a_base_drives_round_a_wall_and_the_arm_counts(tmp_path: Path) -> None:
-    spec = RobotSpec(name="panda", base_joints=PlanarBase(x=(-0.5, 2.5), y=(-2.0, 2.0), yaw=(-3.2, 3.2)))
+    spec = RobotSpec(name="panda", base_joints=hdplan.PlanarBase(x=(-0.5, 2.5), y=(-2.0, 2.0), yaw=(-3.2, 3.2)))
     ready = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
     scene = Scene(robot=spec, obstacles=[WALL], start=[0.0, 0.0, 0.0, *ready], goal=[2.0, 0.0, 0.0, *ready])
     straight = Trajectory(load_robot(spec).joint_names, np.array([[x, 0.0, 0.0, *ready] for x in (0.0, 2.0)]))
@@ -148,10 +138,8 @@ def test_a_start_counts_as_it_stands(spec: RobotSpec) -> None:
             moved = Trajectory(("turn",), result.trajectory.positions + 2 * math.pi * turns)
             certificate = certify(scene, moved)
             assert not certificate.certified
-            assert (
-                f"the first waypoint has joint 'turn' at {moved.positions[0, 0]:g}, the scene's start"
-                in certificate.text
-            )
+            words = f"the first waypoint has joint 'turn' at {moved.positions[0, 0]:g}, the scene's start"
+            assert words in certificate.text
             again = plan(scene, guess=moved)  # which is turned back whole
             assert again.certified
             np.testing.assert_allclose(again.trajectory.positions, result.trajectory.positions, atol=1e-12)
@@ -159,7 +147,7 @@ def test_a_start_counts_as_it_stands(spec: RobotSpec) -> None:
 
 
 def test_where_something_stands_in_the_short_way_the_long_one_is_taken(spec: RobotSpec) -> None:
-    ball = Obstacle("ball", Sphere(0.1), Pose((-0.5, 0.0, 0.0)))
+    ball = hdplan.Obstacle("ball", hdplan.Sphere(0.1), Pose((-0.5, 0.0, 0.0)))
     scene = Scene(robot=spec, obstacles=[ball], start=[2.5], goal=[-2.5])
     straight = Trajectory(("turn",), np.array([[2.5], [2 * math.pi - 2.5]]))
     assert not certify(scene, straight).certified

@@ -8,14 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate.certifier import certify
+from hdplan import RobotSpec, Scene, Trajectory, certify, load_robot
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.self_pairs import MOVE_AS_ONE, NEIGHBOURS
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import JointTarget
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -97,8 +92,7 @@ def test_an_arm_sweeps_through_its_base_unless_one_joint_alone_joins_them(held: 
     robot = load_robot(spec)
     ends = np.zeros((2, robot.n))
     ends[:, 0] = -1.0, 1.0
-    start, goal = (JointTarget(f, tuple(q.tolist())) for f, q in zip(("start", "goal"), ends, strict=True))
-    verdict = certify(Scene("arm", tmp_path / "s.yaml", spec, (), start, goal), Trajectory(robot.joint_names, ends))
+    verdict = certify(Scene(robot=spec, start=ends[0], goal=ends[1]), Trajectory(robot.joint_names, ends))
     assert verdict.certified is (held is not None)
     if held is None:
         assert verdict.status is Status.IN_CONTACT

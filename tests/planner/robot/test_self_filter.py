@@ -14,20 +14,10 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 import hdplan
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot
+from hdplan import Attached, Box, Cloud, Ignored, InputError, Mesh, Obstacle, Pose, Robot, RobotSpec, Scene, Sphere
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Attached
-from hdplan.scenes.clouds import Cloud, Ignored
-from hdplan.scenes.depth_images import DepthImage
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.fixed_array import FixedArray
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box, Mesh, Sphere
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -92,9 +82,8 @@ def test_exactly_the_points_within_the_margin_are_left_out(base: Pose) -> None:
     assert sure.all()
     assert 30 < len(points) - len(left) < 2000
     count = len(points) - len(left)
-    assert [note for note in setup.notes if "view" in note] == [
-        f"cloud 'view': of 4000 points left out: {count} within 30 mm of the robot"
-    ]
+    words = f"cloud 'view': of 4000 points left out: {count} within 30 mm of the robot"
+    assert [note for note in setup.notes if "view" in note] == [words]
 
 
 def test_points_deep_inside_a_thick_mesh_are_in_it(tmp_path: Path) -> None:
@@ -136,10 +125,7 @@ def test_around_one_link_and_one_obstacle() -> None:
     assert near.any()
     (note,) = (note for note in setup.notes if "view" in note)
     counts = re.findall(r"(\d+) within (\d+) mm of (\w+)", note)
-    assert counts == [
-        (str(hand.sum()), "50", "panda_hand"),
-        (str((near & ~hand).sum()), "20", "cup"),
-    ]
+    assert counts == [(str(hand.sum()), "50", "panda_hand"), (str((near & ~hand).sum()), "20", "cup")]
 
 
 def test_the_motion_is_certified_with_the_points_that_are_kept() -> None:
@@ -180,9 +166,8 @@ def test_points_in_an_open_link_are_left_out_and_in_an_open_box_they_stay(tmp_pa
     box = Obstacle("box", Mesh(tmp_path / "arm.stl"), Pose(tuple(there.tolist())))
     around = Ignored(0.01, obstacle="box")
     cloud = Cloud(points, 0.001, drop_nan=True, ignore_robot=0.01, ignore=around)
-    scene = Scene(
-        robot=RobotSpec(urdf=tmp_path / "one.urdf"), obstacles=(Obstacle("view", cloud), box), start=[0.0], goal=[1.0]
-    )
+    obstacles = Obstacle("view", cloud), box
+    scene = Scene(robot=RobotSpec(urdf=tmp_path / "one.urdf"), obstacles=obstacles, start=[0.0], goal=[1.0])
     setup = Setup.of(scene)
     np.testing.assert_array_equal(kept(setup), np.vstack([local + there, far[:1]]))
     notes = [
@@ -191,7 +176,7 @@ def test_points_in_an_open_link_are_left_out_and_in_an_open_box_they_stay(tmp_pa
         "0 within 10 mm of box; 40 in box, whose mesh has holes, stay",
     ]
     assert [note for note in setup.notes if "view" in note] == notes
-    certificate = hdplan.certify(scene, Trajectory(setup.robot.joint_names, np.array([[0.0], [1.0]])))
+    certificate = hdplan.certify(scene, hdplan.Trajectory(setup.robot.joint_names, np.array([[0.0], [1.0]])))
     assert certificate.certified
     assert [note for note in certificate.notes if "view" in note] == notes
 
@@ -199,23 +184,17 @@ def test_points_in_an_open_link_are_left_out_and_in_an_open_box_they_stay(tmp_pa
 def test_what_an_image_saw_out_of_range_is_counted() -> None:
     image = np.full((6, 8), 2.0)
     image[0, :5], image[1, 0], image[2, 0] = 9.0, 0.0, np.nan
-    view = Obstacle("view", Cloud(DepthImage(image, [10, 10, 4, 3], scale=1.0)), TURNED)
-    (note,) = (
-        note for note in Setup.of(Scene("s", Path("s.yaml"), "panda", (view,), START, START)).notes if "view" in note
-    )
-    assert note == (
-        "cloud 'view': left out in reading: 5 pixels that saw something nearer than 0.1 m or farther than 3 m"
-    )
+    view = Obstacle("view", Cloud(hdplan.DepthImage(image, [10, 10, 4, 3], scale=1.0)), TURNED)
+    setup = Setup.of(Scene(robot="panda", obstacles=[view], start=START, goal=START))
+    words = "left out in reading: 5 pixels that saw something nearer than 0.1 m or farther than 3 m"
+    assert [note for note in setup.notes if "view" in note] == [f"cloud 'view': {words}"]
 
 
 @pytest.mark.parametrize(
     ("cloud", "words"),
     [
         ({"ignore_robot": 1.0}, "obstacles.view.cloud: all of its 1 points would be ignored"),
-        (
-            {"ignore": Ignored(0.1, link="panda_hund")},
-            r"cloud.ignore\[0\].link: unknown link .*mean 'panda_hand'",
-        ),
+        ({"ignore": Ignored(0.1, link="panda_hund")}, r"cloud.ignore\[0\].link: unknown link .*mean 'panda_hand'"),
         ({"ignore": Ignored(0.1, obstacle="view")}, "'view' has no shape itself"),
     ],
 )

@@ -12,19 +12,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.planner.certificate.certifier import certify
+from hdplan import InputError, Robot, RobotSpec, Scene, SelfCollision, Trajectory, certify, load_robot
 from hdplan.planner.commands.robots import run_robots
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, LIMIT_EXCESS, NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.robot.srdf import srdf_of
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import SelfCollision
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -95,11 +88,8 @@ def test_pairs_that_are_proven_never_to_touch_do_not(tmp_path: Path) -> None:
     for spec in robots(3, 40, tmp_path):
         free = load_robot(spec)
         ranges = zip(free.joint_names[:-1], np.maximum(free.lower, -2.0), np.minimum(free.upper, 2.0), strict=False)
-        held = {
-            name: rng.uniform(low - LIMIT_EXCESS, high + LIMIT_EXCESS)
-            for name, low, high in ranges
-            if rng.uniform() < 0.3
-        }
+        some = [each for each in ranges if rng.uniform() < 0.3]
+        held = {name: rng.uniform(low - LIMIT_EXCESS, high + LIMIT_EXCESS) for name, low, high in some}
         for robot in (free, load_robot(replace(spec, locked=held))):
             never = {pair for pair, reason in robot.unchecked.items() if reason == NEVER_TOUCHING}
             seen += len(never)
@@ -172,9 +162,8 @@ def test_the_command_writes_the_file_whole_or_not_at_all(tmp_path: Path, capsys:
             run_robots(name, srdf=target, as_json=False)
         assert [path.name for path in tmp_path.iterdir()] == ["arm.urdf"]
     out.write_text("<robot name='arm'><group name='theirs'/></robot>")
-    with pytest.raises(
-        InputError, match=r"--srdf: .*arm\.srdf exists, and was not made by hdplan: it is not overwritten"
-    ):
+    words = r"--srdf: .*arm\.srdf exists, and was not made by hdplan: it is not overwritten"
+    with pytest.raises(InputError, match=words):
         run_robots(robot, srdf=out, as_json=False)
     assert "theirs" in out.read_text()
     out.unlink()

@@ -9,7 +9,6 @@ import trimesh
 
 import hdplan
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 ARM = Path(shipped_scenes()["planar_arm"]).with_suffix(".urdf")
@@ -46,10 +45,10 @@ def test_angles_of_a_robot_beyond_a_whole_turn(tmp_path: Path) -> None:
 
 def test_joint_values_in_degrees() -> None:
     scene = hdplan.load_scene("planar_arm")
-    with pytest.raises(InputError, match=r"is 45, outside its limits .*; is it in degrees\? hdplan takes radians$"):
-        hdplan.plan(scene.with_goal([45, 0]))
-    with pytest.raises(InputError, match=r"is 3, outside its limits \[[^;]*\]$"):
-        hdplan.plan(scene.with_goal([0, 3.0]))
+    words = r"is 45, outside its limits .*; is it in degrees\? hdplan takes radians$"
+    for goal, message in (([45, 0], words), ([0, 3.0], r"is 3, outside its limits \[[^;]*\]$")):
+        with pytest.raises(hdplan.InputError, match=message):
+            hdplan.plan(scene.with_goal(goal))
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.001])

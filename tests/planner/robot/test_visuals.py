@@ -6,11 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from hdplan.planner.robot.loading import load_robot
+from hdplan import InputError, RobotSpec, load_robot
 from hdplan.planner.robot.loads import with_loads
 from hdplan.planner.view.drawing.skins import visual_skins
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.robot_spec import RobotSpec
 
 ARM = """<robot name="a"><material name="m"><color rgba="0 0 1 1"/></material>{top}<link name="b">
 <visual><geometry><box size="1 1 1"/></geometry><material name="m"/></visual></link><link name="l">

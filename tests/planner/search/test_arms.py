@@ -8,18 +8,14 @@ import itertools
 
 import numpy as np
 
-from hdplan.planner.build import build
+from hdplan import PathConstraints, Problem, Trajectory, build, load_scene
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly
-from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.arms import Arms, arms_of
 from hdplan.planner.search.escape import ways_back
 from hdplan.planner.search.free_space import free_part, free_space, is_free, with_these_alone
 from hdplan.planner.search.tree_ways import tree_ways
-from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 from tests.loops import needs_loops
 
 pytestmark = needs_loops
@@ -44,7 +40,7 @@ def test_joints_that_move_one_body_are_of_one_arm() -> None:
         assert arms_of(build(load_scene(name))) == ()
 
 
-def test_what_is_free_for_all_is_free_for_each_alone_and_the_others_do_not_count() -> None:
+def test_a_configuration_free_for_all_is_free_for_each_alone_and_the_others_do_not_count() -> None:
     problem, rng = two_arms(), np.random.default_rng(4)
     space = free_space(problem, 0.0)
     assert space is not None
@@ -88,7 +84,7 @@ def test_each_arms_way_moves_it_alone_and_targets_are_on_the_ways_or_anywhere() 
     assert np.all((arms.draw(64) >= problem.robot.lower) & (arms.draw(64) <= problem.robot.upper))
 
 
-def test_what_trees_of_two_arms_find_is_certified_and_the_same_by_the_same_seed() -> None:
+def test_ways_found_by_trees_of_two_arms_are_certified_and_the_same_by_the_same_seed() -> None:
     problem = two_arms()
     first, again = (next(way for way in tree_ways(problem, 0.0, 1) if way is not None) for _ in range(2))
     np.testing.assert_array_equal(first, again)

@@ -8,20 +8,15 @@ import dataclasses
 import numpy as np
 import pytest
 
+from hdplan import Budget, Limits, PathConstraints, Scene, load_scene, plan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.pose_goals import miss_of
-from hdplan.planner.plan import plan
 from hdplan.planner.problem.assemble import assemble
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goal_slide import sliding
 from hdplan.planner.search.goals import goal_choice, may_end
 from hdplan.planner.solvers import solver_named
-from hdplan.planner.solvers.solution import Budget
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.path_constraints import PathConstraints
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 RATES = Limits(velocity="urdf", acceleration=15.0, jerk=500.0)
 
@@ -70,7 +65,7 @@ def test_the_derivative_at_the_goal_is_that_of_the_cost() -> None:
         assert found[joint] == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-4, abs=1e-4)
 
 
-def test_where_there_is_no_choice_nothing_slides() -> None:
+def test_a_goal_without_a_choice_does_not_slide() -> None:
     certifier = Certifier(Setup.of(load_scene("panda_cage")))
     assert sliding(certifier, JointTarget("goal", (0.0,) * 7), 0.0) is None
     cup = load_scene("panda_cup")

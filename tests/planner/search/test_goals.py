@@ -10,42 +10,25 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.planner.build import build
+from hdplan import InputError, PlanResult, Pose, Scene, Trajectory, UnsolvableError, build, load_scene, plan
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.pose_goals import miss_of, reached_by
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.kinematics import inverse
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.plan import plan
-from hdplan.planner.result import PlanResult
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search import goals as goal_search
 from hdplan.planner.search.goals import goal_choice, goals_in_turn, settled
 from hdplan.planner.search.inverse_kinematics import LEAST_DIFFERENCE, every_branch, inverse_kinematics, reaching
 from hdplan.planner.terminal.explain import explain
-from hdplan.scenes.errors import InputError, UnsolvableError
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
-
-def pose_of(placement: pin.SE3) -> Pose:
-    x, y, z, w = pin.Quaternion(placement.rotation).normalized().coeffs().tolist()
-    return Pose(tuple(placement.translation.tolist()), (x, y, z, w))
-
-
-def placed(robot: Robot, link: str, q: np.ndarray) -> pin.SE3:
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    return data.oMf[robot.model.getFrameId(link, pin.FrameType.BODY)].copy()
+from ..links import place_of, pose_at
 
 
 def target_at(link: str, placement: pin.SE3, free: str) -> PoseTarget:
     """A link's pose as a target; without an orientation where any turn will do."""
-    pose = pose_of(placement)
+    pose = pose_at(placement)
     return PoseTarget(link, Pose(pose.position) if free == "all" else pose, free_rotation=free)
 
 
@@ -56,13 +39,13 @@ def aimed(scene: Scene, *targets: Any) -> Scene:
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", ["planar_arm", "ur5_table", "panda_cage", "kinova_shelf"])
 @pytest.mark.parametrize("free", ["none", "z", "all"])
-def test_what_is_found_reaches_the_pose_within_limits(name: str, free: str) -> None:
+def test_configurations_found_reach_the_pose_within_limits(name: str, free: str) -> None:
     scene = load_scene(name)
     robot = load_scene_robot(scene)
     link, start = robot.links[-1], robot.configuration(scene.start)
     rng = np.random.default_rng(5)
     for q in robot.draw(rng, 3):
-        target = target_at(link, placed(robot, link, q), free)
+        target = target_at(link, place_of(robot, link, q), free)
         found, (least,) = reaching(robot, target, start, np.random.default_rng(0))
         assert len(found)
         assert least.within(target)
@@ -79,7 +62,7 @@ def test_what_is_found_reaches_the_pose_within_limits(name: str, free: str) -> N
 def test_plans_to_a_pose_know_every_branch_of_an_arm_in_closed_form() -> None:
     robot, rng = load_scene_robot(load_scene("ur5_table")), np.random.default_rng(0)
     for q, start in zip(robot.draw(rng, 5), robot.draw(rng, 5), strict=True):
-        target = target_at("tool0", placed(robot, "tool0", q), "none")
+        target = target_at("tool0", place_of(robot, "tool0", q), "none")
         found, missed = every_branch(robot, target, start)
         listed = inverse_kinematics(robot, target.pose, "tool0", seed=start, all_branches=True)
         assert missed
@@ -90,14 +73,14 @@ def test_plans_to_a_pose_know_every_branch_of_an_arm_in_closed_form() -> None:
     spare = load_scene_robot(load_scene("panda_cage"))
     for arm, link, free in ((robot, "tool0", "z"), (spare, "panda_hand", "none")):  # families: these are searched
         start = arm.draw(rng, 1)[0]
-        assert not len(every_branch(arm, target_at(link, placed(arm, link, start), free), start)[0])
+        assert not len(every_branch(arm, target_at(link, place_of(arm, link, start), free), start)[0])
 
 
-def test_where_every_branch_is_in_contact_the_search_still_speaks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_search_finds_goals_if_every_branch_is_in_contact(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = load_scene("ur5_table")
     robot = load_scene_robot(scene)
     start = robot.configuration(scene.start)
-    scene = aimed(scene, target_at("tool0", placed(robot, "tool0", start), "none"))
+    scene = aimed(scene, target_at("tool0", place_of(robot, "tool0", start), "none"))
     calls = []
     monkeypatch.setattr(goal_search, "every_branch", lambda *_: (np.full((1, robot.n), 100.0), ()))
     monkeypatch.setattr(goal_search, "_free", lambda _, found, *__: [(1.0, q) for q in found[:, 0] if q[0] < 99.0])
@@ -112,7 +95,7 @@ def test_a_miss_is_what_the_target_was_moved_by() -> None:
     robot = load_scene_robot(scene)
     rng = np.random.default_rng(2)
     for q in robot.draw(rng, 20):
-        place = placed(robot, "tool0", q)
+        place = place_of(robot, "tool0", q)
         shift, angle = rng.uniform(-0.1, 0.1, 3), rng.uniform(0.1, 3.0)
         for axis, name in enumerate("xyz"):
             turn = pin.exp3(angle * np.eye(3)[axis])
@@ -123,14 +106,14 @@ def test_a_miss_is_what_the_target_was_moved_by() -> None:
                 assert miss == pytest.approx((np.linalg.norm(shift), expected), abs=1e-7)
 
 
-def test_what_reaches_a_target_misses_it_by_no_more_than_the_tolerances() -> None:
-    """In one go and one by one, with tolerances that some rows use up."""
+def test_rows_reach_a_target_if_they_miss_it_by_no_more_than_the_tolerances() -> None:
+    """All rows at once, and one by one, with tolerances that some rows use up."""
     robot = load_scene_robot(load_scene("ur5_table"))
     rng = np.random.default_rng(5)
     q = robot.draw(rng, 1)[0]
     rows = q + rng.uniform(-1e-2, 1e-2, (40, robot.n))
     for free in ("none", "x", "all"):
-        target = target_at("tool0", placed(robot, "tool0", q), free)
+        target = target_at("tool0", place_of(robot, "tool0", q), free)
         tolerances = {"position_tolerance": 4e-3} | ({} if free == "all" else {"orientation_tolerance": 1e-2})
         target = dataclasses.replace(target, **tolerances)
         reached = reached_by(robot, target, rows)
@@ -162,16 +145,16 @@ def test_tolerances_are_held_by_the_certificate() -> None:
     scene = load_scene("ur5_table")
     robot = load_scene_robot(scene)
     result = plan(scene)
-    place = placed(robot, "tool0", result.trajectory.positions[-1])
+    place = place_of(robot, "tool0", result.trajectory.positions[-1])
     for off, allowed, met in ((0.009, 0.01, True), (0.011, 0.01, False)):
         moved = pin.SE3(place.rotation, place.translation + [0, 0, off])
-        certificate = certify(aimed(scene, PoseTarget("tool0", pose_of(moved), allowed)), result.trajectory)
+        certificate = certify(aimed(scene, PoseTarget("tool0", pose_at(moved), allowed)), result.trajectory)
         assert (certificate.status is Status.WRONG_ENDS) != met
         turned = pin.SE3(place.rotation @ pin.exp3(np.array([0, off * 10, 0])), place.translation)
-        target = PoseTarget("tool0", pose_of(turned), 1e-6, allowed * 10)
+        target = PoseTarget("tool0", pose_at(turned), 1e-6, allowed * 10)
         certificate = certify(aimed(scene, target), result.trajectory)
         assert (certificate.status is Status.WRONG_ENDS) != met
-        other = PoseTarget("tool0", pose_of(place))
+        other = PoseTarget("tool0", pose_at(place))
         assert certify(aimed(scene, target, other), result.trajectory).certified  # one of them is enough
     assert "the last waypoint has tool0 " in certificate.text
     backwards = Trajectory(result.trajectory.joint_names, result.trajectory.positions[::-1].copy())
@@ -300,7 +283,7 @@ def test_goals_come_in_turn_as_if_all_had_been_checked(name: str, link: str, mon
     monkeypatch.setattr(goal_search, "_free", lambda *given: (calls.append(given), free(*given))[1])
     for seed in range(4):
         targets = [
-            dataclasses.replace(target_at(link, placed(robot, link, q), "z" if i % 3 else "none"), field=str(i))
+            dataclasses.replace(target_at(link, place_of(robot, link, q), "z" if i % 3 else "none"), field=str(i))
             for i, q in enumerate(robot.draw(rng, 8))
         ]
         certifier = Certifier(Setup.of(aimed(scene, *targets)))
@@ -347,8 +330,8 @@ def test_a_pose_out_of_reach_does_not_keep_from_the_others() -> None:
     scene = load_scene("ur5_table")
     robot = load_scene_robot(scene)
     far = PoseTarget("tool0", Pose((3.0, 0.0, 0.5)), free_rotation="all", field="goal.poses[0]")
-    place = placed(robot, "tool0", Setup.of(scene, robot).query.goal)
-    near = PoseTarget("tool0", pose_of(place), field="goal.poses[1]")
+    place = place_of(robot, "tool0", Setup.of(scene, robot).query.goal)
+    near = PoseTarget("tool0", pose_at(place), field="goal.poses[1]")
     result = plan(aimed(scene, far, near))
     assert result.certified
     assert result.goal is not None

@@ -11,11 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.build import build
+from hdplan import Problem, Trajectory, build, load_scene
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly
-from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.free_space import free_space, is_free
 from hdplan.planner.search.guesses import Guess
 from hdplan.planner.search.held_trees import LONGEST_STRETCH, HeldTrees, held_ways
@@ -23,7 +21,6 @@ from hdplan.planner.search.search import Search
 from hdplan.planner.solvers.solution import Budget, Solution, Solver, SolverStatus
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.yaml_format.reader import load_scene
 from tests.loops import needs_loops
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
@@ -63,7 +60,7 @@ def test_a_way_of_held_trees_joins_the_ends_and_is_certified(kind: str, number: 
 
 @pytest.mark.parametrize(("kind", "number"), REQUESTS)
 def test_no_line_leaves_a_constraint_or_touches_anything(kind: str, number: int) -> None:
-    """Of whole trees, at dense samples, nodes within the limits; and the trees are trees."""
+    """Whole trees at dense samples, nodes within the limits; and the trees are trees."""
     problem = exact(kind, number)
     space = free_space(problem, 0.0)
     assert space is not None

@@ -9,20 +9,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hdplan import AllOf, InputError, Limits, Pose, PoseTarget, RobotSpec, load_robot, load_scene
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.kinematics import inverse
-from hdplan.planner.robot.loading import load_robot
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search import inverse_kinematics as search
 from hdplan.planner.search.inverse_kinematics import LEAST_DIFFERENCE, inverse_kinematics, reaching
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.targets import AllOf, PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 from tests.loops import in_numpy, needs_loops
+
+from ..links import pose_of
 
 ROBOTS = ("panda", "ur5", "z1", "double_pendulum_continuous")
 SAME = 1e-6  # [rad] between configurations after some forty steps that each round a little differently
@@ -31,14 +26,6 @@ SAME = 1e-6  # [rad] between configurations after some forty steps that each rou
 def turned(way: np.ndarray) -> np.ndarray:
     """The same turns without whole ones."""
     return (way + np.pi) % (2 * np.pi) - np.pi
-
-
-def pose_of(robot: Robot, link: str, q: np.ndarray) -> Pose:
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    place = data.oMf[robot.model.getFrameId(link, pin.FrameType.BODY)]
-    quaternion = np.asarray(pin.Quaternion(place.rotation).normalized().coeffs())
-    return Pose(tuple(place.translation.tolist()), tuple(quaternion.tolist()))
 
 
 @pytest.mark.sampled(3)
@@ -100,7 +87,7 @@ def test_out_of_reach_nothing_is_found_and_the_miss_is_true(compiled: bool, monk
 
 @pytest.mark.parametrize(("name", "least"), [("panda", 6), ("ur5", 6), ("z1", 1)])
 def test_configurations_found_reach_the_pose_nearest_first(name: str, least: int) -> None:
-    """By Pinocchio's kinematics; whatever pose a random configuration has, one is found."""
+    """One is found for the pose of any random configuration, by Pinocchio's kinematics."""
     robot = load_robot(name)
     rng, counts = np.random.default_rng(3), []
     for q in robot.draw(rng, 12):
@@ -126,7 +113,7 @@ def test_configurations_found_reach_the_pose_nearest_first(name: str, least: int
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_seed_that_reaches_the_pose_is_the_first(name: str) -> None:
-    """To the bit; one beyond the limits is no answer."""
+    """It is the same to the bit; one beyond the limits is no answer."""
     robot = load_robot(name)
     for q in robot.draw(np.random.default_rng(8), 5):
         for every in (False, True):

@@ -11,14 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.build import build
+from hdplan import InputError, Limits, Payload, PlanResult, RobotSpec, Scene, Timing, Trajectory, build, plan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
 from hdplan.planner.motion.robot_curve import curve_of
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.plan import plan
 from hdplan.planner.problem.assemble import assemble
-from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.guesses import Guess
@@ -26,13 +23,7 @@ from hdplan.planner.search.objective import Energy
 from hdplan.planner.search.search import Search
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.scenes.attached import Payload
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import Limits
 from hdplan.scenes.planner_settings import OBJECTIVES
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 
 from ..urdf import joint_text, link_text, write_robot
@@ -175,7 +166,7 @@ def test_values_that_are_none_are_refused(changes: dict[str, object], words: str
         (load_scene("panda_gate"), "time", r"'time' .* timing\.duration fixes it; allowed here: smoothness, energy$"),
     ],
 )
-def test_what_needs_times_is_refused_without(scene: Scene, objective: str, words: str) -> None:
+def test_objectives_that_need_times_are_refused_without(scene: Scene, objective: str, words: str) -> None:
     with pytest.raises(InputError, match=rf"^the scene made from {scene.name}: planner\.objective: {words}"):
         plan(asking(scene, objective))
 

@@ -10,20 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.build import build
+from hdplan import Box, Obstacle, Pose, Problem, RobotSpec, Scene, build, load_scene
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import Roadmap, seeds
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, is_narrow
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.yaml_format.reader import load_scene
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -87,7 +80,7 @@ def test_through_is_the_polyline_at_equal_steps(problem: Problem) -> None:
 def test_random_guesses_are_chosen_by_their_penalty(
     problem: Problem, penalties: Callable[[Problem, Array], Array]
 ) -> None:
-    """On the whole they touch less than lines through any random configuration."""
+    """They touch less on the whole than lines through any random configuration."""
     low, high = np.maximum(problem.robot.lower, -np.pi), np.minimum(problem.robot.upper, np.pi)
     drawn = np.random.default_rng(4).uniform(low, high, (COUNT, problem.robot.n))
     blind = [penalties(problem, problem.polyline([via])).mean() for via in drawn]
@@ -127,7 +120,7 @@ def test_guesses_for_joints_without_limits_are_the_same_whole_turns_away(tmp_pat
 
 
 def test_ways_back_lead_to_where_nothing_is_near() -> None:
-    """From beside an obstacle, in short steps within the limits; nowhere from where there is room."""
+    """A way leads from beside an obstacle in short steps within the limits; none where there is room."""
     problem = build(load_scene("panda_cage"))
     back, _ = escapes(problem)
     way = np.vstack([problem.start, back])

@@ -4,20 +4,17 @@ joint to spare it most often takes less."""
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
+from hdplan import PoseTarget, load_scene
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.kinematics.inverse import Aim
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search.inverse_kinematics import reaching
 from hdplan.planner.search.sooner import sooner
 from hdplan.planner.timing.least_time import least_times
-from hdplan.scenes.array_types import Array
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.targets import PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
+
+from ..links import pose_of
 
 
 @pytest.mark.parametrize(
@@ -46,10 +43,3 @@ def test_a_goal_that_is_reached_sooner_is_a_goal(name: str, free: str, given: tu
         assert sooner(Aim.at(robot, target), reached, start, limits).tobytes() == found.tobytes()
         gained += int(np.sum(after < 0.99 * before))
     assert gained or (free == "none" and robot.n == 6)
-
-
-def pose_of(robot: Robot, link: str, q: Array) -> Pose:
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    place = data.oMf[robot.model.getFrameId(link, pin.FrameType.BODY)]
-    return Pose(tuple(place.translation.tolist()), tuple(pin.Quaternion(place.rotation).normalized().coeffs().tolist()))

@@ -11,24 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.build import build
+from hdplan import Attached, Box, Cylinder, Mesh, Pose, Problem, Scene, Sphere, Timing, Trajectory, build, plan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.kinematics.forward import kinematics_of
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.plan import plan
-from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import DOUBLING_DEPTH, seeds
 from hdplan.planner.search.space_time import EDGE_STEPS, PENALTY_WEIGHT, TIME_STEPS, TimedRoadmap
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Attached
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box, Cylinder, Mesh, Sphere
-from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
@@ -176,7 +168,7 @@ def test_the_first_way_costs_the_same_backwards_in_time(gate: Scene, problem: Pr
 
 
 @pytest.mark.core
-def test_where_waiting_is_the_only_way_the_motion_waits(gate: Scene, problem: Problem) -> None:
+def test_the_motion_waits_if_that_is_the_only_way(gate: Scene, problem: Problem) -> None:
     line = Retimer(problem.setup)(Trajectory(problem.robot.joint_names, problem.polyline(), problem.robot.locked))
     assert not Certifier(problem.setup).certify(line.trajectory).certified
     result = plan(gate)
@@ -186,7 +178,7 @@ def test_where_waiting_is_the_only_way_the_motion_waits(gate: Scene, problem: Pr
     assert side[-1] > 0.0
 
 
-def test_where_hurrying_is_the_only_way_the_motion_hurries(gate: Scene) -> None:
+def test_the_motion_hurries_if_that_is_the_only_way(gate: Scene) -> None:
     scene = backwards(gate)
     result = plan(scene)
     assert result.certified, result.certificate.text
@@ -236,7 +228,7 @@ def test_few_waypoints_are_enough(gate: Scene) -> None:
 
 
 def test_an_obstacle_beside_the_base_leaves_the_roadmap_its_nodes() -> None:
-    """What stands under the robot is always inside its shoulder's margin; the roadmap grows all the same."""
+    """The floor under the robot is always inside its shoulder's margin; the roadmap grows all the same."""
     floor = Obstacle("floor", Box((3.0, 3.0, 0.1)), Pose((0.0, 0.0, -0.06)))
     ball = Obstacle("ball", Sphere(0.1), Pose((0.5, -1.0, 0.5)), motion=SteadyMotion((0.0, 0.5, 0.0)))
     scene = Scene(

@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 import hdplan
-from hdplan.planner.build import build
+from hdplan import Scene, build, load_scene
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.problem.assemble import closer, exactly
@@ -26,8 +26,6 @@ from hdplan.planner.search.idle_core import IdleCore
 from hdplan.planner.search.roadmap import Roadmap, seeds
 from hdplan.planner.search.search import Search
 from hdplan.planner.solvers import solver_named
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.yaml_format.reader import load_scene
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
@@ -49,7 +47,7 @@ def failing(status: Status) -> Any:
 
 @pytest.mark.parametrize("overlap", [True, False])
 def test_the_first_guesses_are_as_ever_then_trees_grow_in_turn(overlap: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With exact guesses alone where bodies overlap at an end; else with those as ever, and later with both."""
+    """Exact guesses alone if bodies overlap at an end; else those as ever, and later both."""
     monkeypatch.setattr(trying, "ends_overlap", lambda problem: overlap)
     found = np.full((32, 7), 7.0)
     monkeypatch.setattr(trying, "tree_ways", lambda *given: itertools.cycle([None, found]))

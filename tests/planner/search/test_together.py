@@ -6,24 +6,19 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
+from hdplan import InputError, Pose, Scene, Trajectory, load_scene, plan
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.plan import plan
 from hdplan.planner.problem.smoothness import Smoothness
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.inverse_kinematics import reaching
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, PoseTarget
-from hdplan.scenes.yaml_format.reader import load_scene
+
+from ..links import pose_of
 
 HANDS = ("left_gripper", "right_gripper")
 
@@ -32,14 +27,6 @@ HANDS = ("left_gripper", "right_gripper")
 def setup() -> Setup:
     """Give the scene in which Baxter carries a carton with both hands."""
     return Setup.of(load_scene("baxter_bimanual_carry"))
-
-
-def pose_of(robot: Robot, link: str, q: np.ndarray) -> Pose:
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    place = data.oMf[robot.model.getFrameId(link)]
-    quaternion = np.asarray(pin.Quaternion(place.rotation).coeffs())
-    return Pose(tuple(place.translation), tuple(quaternion / np.linalg.norm(quaternion)))
 
 
 @pytest.mark.parametrize("free", ["none", "z"])
@@ -121,7 +108,7 @@ def test_a_pose_without_a_link_is_the_end_effectors(setup: Setup) -> None:
 
 
 def test_nothing_between_two_ends_is_smoother_than_the_straight_line() -> None:
-    """So a goal whose straight line is less smooth than a certified motion cannot win."""
+    """A goal whose straight line is less smooth than a certified motion therefore cannot win."""
     rng = np.random.default_rng(4)
     for waypoints in (3, 8, 32):
         smoothness = Smoothness(waypoints, 0.01)

@@ -8,18 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate.certifier import certify
-from hdplan.planner.plan import plan
+from hdplan import Box, HdplanError, Limits, Obstacle, Pose, Scene, certify, plan
 from hdplan.planner.search import search as searching, touches
 from hdplan.planner.search.search import Search
 from hdplan.planner.solvers.methods import chomp
 from hdplan.planner.solvers.solution import Solution, SolverStatus
-from hdplan.scenes.errors import HdplanError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 SAME = 5e-3  # [–] within which two solvers stop, in one minimum

@@ -9,19 +9,16 @@ import itertools
 import numpy as np
 import pytest
 
+from hdplan import Problem, Trajectory, build, load_scene
 from hdplan.distance.compiled.loops import Record
-from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly
-from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.corners import shortened, through
 from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.escape import escapes, ways_back
 from hdplan.planner.search.free_space import free_part, free_space, is_free
 from hdplan.planner.search.tree_ways import tree_ways
 from hdplan.planner.search.trees import Trees
-from hdplan.scenes.yaml_format.reader import load_scene
 from tests.loops import needs_loops
 
 pytestmark = needs_loops
@@ -51,7 +48,7 @@ def test_ways_of_trees_are_certified_unchanged(name: str) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_no_line_that_counts_as_free_touches_anything(name: str) -> None:
-    """At dense samples of random lines, by the certificate's own oracle; and some are free, and some are not."""
+    """Dense samples of random lines, by the certificate's own oracle; and some are free, and some are not."""
     problem, rng = exact(name), np.random.default_rng(5)
     space, certifier = space_of(problem), Certifier(problem.setup)
     answers = []
@@ -158,7 +155,7 @@ def test_there_are_none_where_more_counts_than_what_is_free() -> None:
     assert free_space(build(load_scene("panda_cage")), 0.0) is None
 
 
-def test_what_a_line_meets_is_known_even_where_its_proofs_disagree() -> None:
+def test_the_contact_of_a_line_is_known_even_where_its_proofs_disagree() -> None:
     """A pair that is too near in the middle of an interval, of which the half before is proven to be free: here since
     things move farther than the bounds say. It is what was met, and is slid along."""
     problem = exact("panda_cage")

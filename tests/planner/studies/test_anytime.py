@@ -8,12 +8,11 @@ import itertools
 import numpy as np
 import pytest
 
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loading import load_robot
+from hdplan import Trajectory, load_robot, load_scene
 from hdplan.planner.studies.anytime import AnytimeCurve, Moment, _measures, anytime_curves, anytime_rows, shares
-from hdplan.scenes.yaml_format.reader import load_scene
+from tests.extras import needs
 
-pytest.importorskip("matplotlib")
+pytestmark = needs("matplotlib")
 
 
 def test_motions_get_better_and_are_counted_once() -> None:
@@ -35,7 +34,7 @@ def test_it_stops_with_what_there_is() -> None:
 
 
 def test_acceleration_and_path_by_hand() -> None:
-    """From rest at a constant acceleration of 2 rad/s² for a second: ∫ 4 dt = 4, and 1 rad."""
+    """Constant acceleration of 2 rad/s² from rest for a second: ∫ 4 dt = 4, and 1 rad."""
     robot = load_robot("panda")
     times = np.linspace(0.0, 1.0, 5)
     one = np.eye(7)[0]

@@ -10,11 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.control.barrier_settings import BarrierSettings
-from hdplan.planner.control.controller import Controller
+from hdplan import InputError, Obstacle, Pose, Sphere, SteadyMotion
+from hdplan.control import BarrierSettings, Controller, ControlSettings, standing
 from hdplan.planner.control.rollout import fast_energy, simulate, total_variation
-from hdplan.planner.control.settings import ControlSettings
-from hdplan.planner.control.tasks import standing
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.studies import paper_corridor as reproduce_corridor
@@ -34,10 +32,6 @@ from hdplan.planner.studies.corridor_experiment import (
     tool_task,
 )
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
-from hdplan.scenes.poses import Pose
-from hdplan.scenes.shapes import Sphere
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +171,7 @@ def test_fitted_bodies_are_commanded_as_smoothly_as_by_the_exact_distance(turn: 
     assert fast_energy(runs[0].velocities, 0.01) <= 2.0 * fast_energy(runs[1].velocities, 0.01)
 
 
-def test_what_is_proven_of_a_margin_holds_and_what_is_refused_was_published(smooth: Outcome) -> None:
+def test_the_clearance_proven_of_a_margin_holds_and_the_published_setting_is_refused(smooth: Outcome) -> None:
     proven = smooth.variant.clearance
     assert proven is not None
     assert smooth.run.slacks.min() >= 0.0

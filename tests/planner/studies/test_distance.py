@@ -20,8 +20,9 @@ from hdplan.distance.studies.unions import BODIES, PIECES, Cut
 from hdplan.planner.studies.distance import FILES, UNIONS_FILE, study_distance
 from hdplan.planner.studies.report import check_report, csv_text, markdown_text, png, short, write_report
 from hdplan.scenes.errors import InputError
+from tests.extras import needs
 
-pytest.importorskip("matplotlib")
+pytestmark = needs("matplotlib")
 
 
 def made_up(plan: Plan) -> Iterator[Entry]:
@@ -49,7 +50,7 @@ def made_up_cuts() -> Iterator[Cut]:
 
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> Study:
-    """What `study` returns, without measuring, and `study_unions`."""
+    """The results of `study` and `study_unions`, without measuring."""
     found = Study(FULL_PLAN, tuple(made_up(FULL_PLAN)), complete=True)
     monkeypatch.setattr(measuring, "study", lambda plan, **_: found)
     monkeypatch.setattr(cutting, "study_unions", lambda **_: list(made_up_cuts()))

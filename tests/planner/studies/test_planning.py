@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.motion.trajectory import Trajectory
+from hdplan import Box, InputError, Obstacle, Scene, Trajectory, load_scene
 from hdplan.planner.studies import planning_runs
 from hdplan.planner.studies.planning import FILES, by_guesses, label, study_planning, summaries
 from hdplan.planner.studies.planning_runs import (
@@ -26,14 +26,10 @@ from hdplan.planner.studies.planning_runs import (
     squared_acceleration,
     variants,
 )
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.yaml_format.reader import load_scene
+from tests.extras import needs
 
-pytest.importorskip("matplotlib")
+pytestmark = needs("matplotlib")
 
 FEW = {"link_bodies": ("capsule", "fitted", "hull"), "normals": ("box", "sphere"), "solver": ("gauss_newton", "chomp")}
 ROUNDING = 2e-6  # [m] by which bodies of no radius of their own are enlarged

@@ -19,6 +19,7 @@ from hdplan.planner.commands.codegen import run_codegen
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.symbolic.c_code import c_files, c_name
 from hdplan.planner.symbolic.pairs import all_movable
+from hdplan.planner.terminal.declared import GivenScene
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.output import write_folder
@@ -166,7 +167,7 @@ def test_nothing_is_allocated_or_kept(tmp_path: Path) -> None:
 def test_the_example_in_cpp_runs(tmp_path: Path) -> None:
     if shutil.which("c++") is None:
         pytest.skip("no C++ compiler")
-    assert run_codegen("planar_arm", None, None, output=tmp_path / "c", as_json=True) == 0
+    assert run_codegen(GivenScene("planar_arm"), output=tmp_path / "c", as_json=True) == 0
     example = ROOT / "docs" / "examples" / "control_loop.cpp"
     run(COMPILERS[0], *STRICT, "-c", "c/planar_arm.c", "-o", "arm.o", folder=tmp_path)
     command = ["c++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-O1", "-Ic", example, "arm.o", "-o", "loop", "-lm"]
@@ -215,7 +216,7 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(target: str,
     (tmp_path / "full" / "file").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     with pytest.raises(hdplan.InputError, match=message) as caught:
-        run_codegen("no such scene", None, None, output=tmp_path / target, as_json=False)
+        run_codegen(GivenScene("no such scene"), output=tmp_path / target, as_json=False)
     assert "\n" not in str(caught.value)
     assert (tmp_path / "full" / "file").read_text() == "mine"
 

@@ -50,10 +50,10 @@ def test_sections_in_reading_order_as_plain_text(planar: Problem) -> None:
 @pytest.mark.parametrize(
     ("scene", "obstacles", "links"),
     [
-        (arm(clearance=0.2), "needs obstacles[]", "clearance 0.2 m; grows where two links come within 0.205 m"),
+        (arm(clearance=0.2), "needs obstacles[]", "clearance 0.2 m; penalty where two links come within 0.205 m"),
         (arm(FAR_AWAY), "every obstacle is out of the robot's reach", "every pair of links is proven"),
         (arm(FAR_AWAY, ignore=True), "every obstacle is out of the robot's reach", "no pair of links can meet"),
-        (load_scene("planar_arm"), "2; grows where a moving link comes within 0.02 m of one", "every pair"),
+        (load_scene("planar_arm"), "2; penalty where a moving link comes within 0.02 m of one", "every pair"),
     ],
     ids=["none", "out of reach", "nothing at all", "shipped"],
 )

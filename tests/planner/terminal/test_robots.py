@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from hdplan.distance.compiled.cache import content_key
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.terminal import robots
@@ -41,6 +42,10 @@ def test_what_is_kept_is_what_is_read(tmp_path: Path, monkeypatch: pytest.Monkey
     assert robots.listing() == first
     count = len(loads)
     (kept,) = (tmp_path / "cache" / "robots").glob("*.json")
-    kept.write_text(kept.read_text()[:-5])
-    assert robots.listing() == first
-    assert len(loads) == count + 1
+    whole = kept.read_text()
+    other = whole.partition("\n")[2].replace('"joints"', '"axes"')
+    for number, text in enumerate((whole[:-5], f"{content_key('robots', kept.stem, other)}\n{other}"), start=1):
+        kept.write_text(text)
+        assert robots.listing() == first
+        assert len(loads) == count + number
+        assert kept.read_text() == whole

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hdplan import HdplanError, Payload, load_scene
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.duration_slope import SlopedLimit, duration_slope
 from hdplan.planner.timing.limits import RateLimit
@@ -16,9 +17,6 @@ from hdplan.planner.timing.path_spline import smooth
 from hdplan.planner.timing.time_optimal import OnGrid, time_optimal
 from hdplan.planner.timing.torque_limit import TorqueLimit
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.attached import Payload
-from hdplan.scenes.errors import HdplanError
-from hdplan.scenes.yaml_format.reader import load_scene
 
 STEP = 1e-6  # [rad]
 SMOOTH = 1e-3  # relative difference of the quotients ahead and behind, above which there is a kink

@@ -10,30 +10,21 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan import HdplanError, InputError, Limits, Robot, Scene, Timing, Trajectory, load_scene
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.rate_check import RateCheck
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import beyond_limits
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.joint_limits import DERIVATIVES, joint_limits
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import smooth
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise
-from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.limits import Limits
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.timing import Timing
-from hdplan.scenes.yaml_format.reader import load_scene
 
-LIMITS = [
-    Limits(acceleration=5.0),
-    Limits(acceleration=5.0, jerk=40.0),
-    Limits(velocity=0.7, acceleration=3.0, jerk=400.0),
-]
+LIMITS = [Limits(acceleration=5.0), Limits(acceleration=5.0, jerk=40.0)]
+LIMITS += [Limits(velocity=0.7, acceleration=3.0, jerk=400.0)]
 
 
 def limited(limits: Limits, timing: Timing | None = None, name: str = "empty") -> tuple[Scene, Robot]:
@@ -126,9 +117,8 @@ def test_a_straight_motion_takes_no_longer_than_it_must() -> None:
     start = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
     goal = start.copy()
     goal[0] += 1.0
-    trajectory, _ = Retimer(Setup.of(scene, robot))(
-        Trajectory(robot.joint_names, np.linspace(start, goal, 20), robot.locked)
-    )
+    path = Trajectory(robot.joint_names, np.linspace(start, goal, 20), robot.locked)
+    trajectory, _ = Retimer(Setup.of(scene, robot))(path)
     assert trajectory.times is not None
     least = 2.0 * np.sqrt(1.0 / 2.0)
     assert least <= trajectory.times[-1] <= 1.05 * least
@@ -210,15 +200,10 @@ def test_any_limit_of_jerk_is_kept(jerk: float) -> None:
     rng = np.random.default_rng(4)
     for rate in (3.0, 50.0, 400.0 if jerk > 10.0 else 20.0):
         scene, robot = limited(Limits(velocity=2.0, acceleration=15.0, jerk=jerk), Timing(rate=rate))
-        for corners in (
-            robot.draw(rng, 3),
-            robot.draw(rng, 2),
-            robot.draw(rng, 1) + 1e-3 * rng.normal(size=(2, robot.n)),
-        ):
-            rows = np.clip(corners, robot.lower, robot.upper)
-            path = np.stack(
-                [np.interp(np.linspace(0, 1, 16), np.linspace(0, 1, len(rows)), each) for each in rows.T], 1
-            )
+        near = robot.draw(rng, 1) + 1e-3 * rng.normal(size=(2, robot.n))
+        for corners in (robot.draw(rng, 3), robot.draw(rng, 2), near):
+            rows, fine = np.clip(corners, robot.lower, robot.upper), np.linspace(0, 1, 16)
+            path = np.stack([np.interp(fine, np.linspace(0, 1, len(rows)), each) for each in rows.T], 1)
             motion = Retimer(Setup.of(scene, robot))(Trajectory(robot.joint_names, path, robot.locked)).trajectory
             assert motion.times is not None
             assert np.diff(motion.times).max() <= 1.0 / rate + 1e-9
@@ -260,15 +245,14 @@ def test_corners_have_infinite_acceleration_and_cubics_infinite_jerk() -> None:
     scene, robot = limited(Limits(velocity=10.0, acceleration=100.0, jerk=1e4))
     rows = np.linspace(np.zeros(robot.n), np.full(robot.n, 0.1), 5)
     times = np.arange(5.0)
-    shares = {
-        use.quantity: use.share for use in RateCheck(Setup.of(scene, robot)).check(Curve.through(rows, times)).uses
-    }
+    check = RateCheck(Setup.of(scene, robot))
+    shares = {use.quantity: use.share for use in check.check(Curve.through(rows, times)).uses}
     assert shares["velocity"] < 1.0
     assert np.isinf(shares["acceleration"])  # it starts and ends with a jump
     velocities = np.zeros_like(rows)
     velocities[1:-1] = 0.05
     cubics = Curve.through(rows, times, velocities)
-    shares = {use.quantity: use.share for use in RateCheck(Setup.of(scene, robot)).check(cubics).uses}
+    shares = {use.quantity: use.share for use in check.check(cubics).uses}
     assert shares["acceleration"] < 1.0
     assert np.isinf(shares["jerk"])
 

@@ -5,53 +5,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from toppra import constraint
-from toppra.algorithm import TOPPRA
-from toppra.constraint.linear_constraint import LinearConstraint, canlinear_colloc_to_interpolate
-from toppra.interpolator import AbstractGeometricPath
 
 from hdplan.planner.timing import time_optimal as module
 from hdplan.planner.timing.limits import RateLimit
 from hdplan.planner.timing.path_spline import PathSpline, smooth
 from hdplan.planner.timing.time_optimal import GRID, OnGrid, PathRows, grid, time_optimal
-from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 from tests.loops import in_numpy, needs_loops
 
 ROUNDING = 1e-6  # [–] of a limit
 SEIDEL = 1e-5  # [–] by which toppra's law differs: its programs have tolerances, and may fail at a pace
-
-
-class Path(AbstractGeometricPath):
-    """A spline as toppra takes it."""
-
-    def __init__(self, spline: PathSpline) -> None:
-        self.spline = spline
-
-    @property
-    def dof(self) -> int:
-        return len(self.spline(0.0))
-
-    @property
-    def path_interval(self) -> Array:
-        return np.array([0.0, 1.0])
-
-    def __call__(self, path_positions: Array, order: int = 0) -> Array:
-        return np.asarray(self.spline(path_positions, order))
-
-
-class AsRows(LinearConstraint):
-    """Any rows, as toppra takes them."""
-
-    def __init__(self, rows: PathRows, dof: int) -> None:
-        super().__init__()
-        self.rows, self.dof = rows, dof
-
-    def compute_constraint_params(self, path: Path, points: Array, *_: object) -> tuple[Array | None, ...]:
-        a, b, c = self.rows
-        each = np.tile(np.eye(a.shape[1]), (len(a), 1, 1))
-        found: tuple[Array | None, ...] = canlinear_colloc_to_interpolate(a, b, 0.0 * c, each, c, None, None, points)
-        return found
 
 
 def any_path(rng: np.random.Generator, trial: int) -> PathSpline:
@@ -74,19 +37,18 @@ def as_torques(rng: np.random.Generator, spline: PathSpline) -> PathRows:
 
 
 def test_the_time_law_equals_toppras_within_the_limits() -> None:
+    from tests.planner.timing.toppras_law import toppras_path_speeds  # which imports toppra, and that Matplotlib
+
     rng = np.random.default_rng(17)
     for trial in range(30):
         spline = any_path(rng, trial)
         n = len(spline(0.0))
         velocity, acceleration = rng.uniform(0.5, 3.0, n), rng.uniform(0.5, 15.0, n)
-        both = [np.stack([-each, each], axis=1) for each in (velocity, acceleration)]
-        theirs = [constraint.JointVelocityConstraint(both[0]), constraint.JointAccelerationConstraint(both[1])]
         ours = [RateLimit(order, each).rows(OnGrid.of(spline)) for order, each in ((1, velocity), (2, acceleration))]
-        if trial % 2:
-            ours.append(as_torques(rng, spline))
-            theirs.append(AsRows(ours[-1], n))
+        torques = [as_torques(rng, spline)] if trial % 2 else []
+        ours += torques
         law = time_optimal([rows for rows in ours if rows is not None])
-        _, path_speeds, _ = TOPPRA(theirs, Path(spline), gridpoints=grid()).compute_parameterization(0.0, 0.0)
+        path_speeds = toppras_path_speeds(spline, velocity, acceleration, torques)
         assert law.knots[-1] == pytest.approx((2.0 / GRID / (path_speeds[1:] + path_speeds[:-1])).sum(), rel=SEIDEL)
         assert np.median(np.abs(law.path_speeds - path_speeds)) <= SEIDEL * path_speeds.max()
         assert law.path_speeds[0] == law.path_speeds[-1] == 0.0

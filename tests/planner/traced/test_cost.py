@@ -13,11 +13,11 @@ import hdplan
 from hdplan import symbolic
 from hdplan.planner.problem.problem import Problem
 from hdplan.scenes.array_types import Array
+from tests.extras import jax, needs, quick_jit
 
-jax: Any = pytest.importorskip("jax")
+pytestmark = needs("jax")
 
 WEIGHT, CLOSE = 1e4, 1e-9
-quick = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})  # to compile, not to run
 
 
 @functools.cache
@@ -57,7 +57,7 @@ def test_value_and_gradient_are_the_planners_with_any_leading_axes(name: str) ->
 
     with jax.enable_x64(True):
         cost = symbolic.jax_cost(own)
-        slopes, values = quick(jax.grad(both, has_aux=True))(drawn.reshape(2, 2, *drawn.shape[1:]))
+        slopes, values = quick_jit(jax.grad(both, has_aux=True))(drawn.reshape(2, 2, *drawn.shape[1:]))
     for motion, value, slope in zip(drawn, np.ravel(values), slopes.reshape(drawn.shape), strict=True):
         expected = own.evaluate(motion, WEIGHT)
         assert float(value) == pytest.approx(expected.cost, rel=CLOSE)
@@ -83,7 +83,7 @@ def test_the_curvature_is_the_planners() -> None:
     drawn = motions(own, 3)
     with jax.enable_x64(True):
         cost = symbolic.jax_cost(own)
-        every = quick(jax.vmap(lambda x: cost.curvature(x, WEIGHT)))(drawn)
+        every = quick_jit(jax.vmap(lambda x: cost.curvature(x, WEIGHT)))(drawn)
     for motion, curvature in zip(drawn, np.array(every), strict=True):
         whole = dense(own, motion, WEIGHT)
         np.testing.assert_allclose(curvature, whole, rtol=0, atol=CLOSE * np.abs(whole).max())
@@ -126,7 +126,7 @@ def test_derivatives_are_right_where_vertices_tie() -> None:
 
     with jax.enable_x64(True):
         cost = symbolic.jax_cost(own)
-        both = quick(lambda by: (of(by), jax.jacfwd(of)(by)))
+        both = quick_jit(lambda by: (of(by), jax.jacfwd(of)(by)))
         slopes, steps = both(np.zeros(2))[1], 1e-6 * np.eye(2)
         changes = [(both(step)[0] - both(-step)[0]) / 2e-6 for step in steps]
     np.testing.assert_allclose(np.moveaxis(np.array(slopes), -1, 0), changes, rtol=1e-6, atol=1e-7)

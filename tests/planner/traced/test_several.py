@@ -14,10 +14,10 @@ from hdplan import symbolic
 from hdplan.planner.problem.moving_clearance import MovingClearance
 from hdplan.planner.problem.problem import Problem
 from hdplan.scenes.array_types import Array
-from tests.planner.traced.test_cost import CLOSE, dense, motions, primitives, problem, quick
+from tests.extras import jax, needs, quick_jit
+from tests.planner.traced.test_cost import CLOSE, dense, motions, primitives, problem
 
-jax: Any = pytest.importorskip("jax")
-jnp: Any = pytest.importorskip("jax.numpy")
+pytestmark = needs("jax")
 
 WEIGHTS = np.array([1e4, 1e3, 1e5, 1e4])
 
@@ -59,7 +59,7 @@ def compiled() -> Any:
         (_, values), slopes = jax.value_and_grad(total, has_aux=True)(x)
         return values, slopes, cost.distances(x), cost.curvature(x[0], weights)
 
-    return quick(of)
+    return quick_jit(of)
 
 
 @functools.cache
@@ -134,7 +134,7 @@ def test_problems_in_another_order_give_the_same_in_that_order() -> None:
 
 def test_single_precision_agrees_to_a_thousandth() -> None:
     values, slopes, *_ = found()
-    single = quick(jax.value_and_grad(lambda x: cost()(x, WEIGHTS).sum()))
+    single = quick_jit(jax.value_and_grad(lambda x: cost()(x, WEIGHTS).sum()))
     value, slope = single(drawn().astype(np.float32))
     assert value.dtype == slope.dtype == np.float32
     assert float(value) == pytest.approx(values.sum(), rel=1e-3)
@@ -156,7 +156,7 @@ def test_vmap_maps_it_to_costs_of_one_problem_each_and_there_is_no_callback() ->
     assert "one problem" in repr(symbolic.jax_cost(problems()[0]))
 
 
-def test_problems_that_do_not_fit_are_refused_in_one_line() -> None:
+def test_fields_that_do_not_fit_are_refused_in_one_line() -> None:
     plain = problems()[0]
     others = {
         "waypoints": dict(waypoints=7),

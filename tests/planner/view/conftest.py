@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import functools
+import typing
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -16,8 +18,7 @@ from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Opener = Callable[..., Viewer]
+from tests.planner.view.events import Opener
 
 
 @pytest.fixture(scope="session")
@@ -28,6 +29,14 @@ def scene() -> Scene:
 @pytest.fixture(scope="session")
 def trajectory(scene: Scene) -> Trajectory:
     return plan(scene).trajectory
+
+
+@pytest.fixture(scope="session", autouse=True)
+def types_are_read_once() -> Iterator[None]:
+    """viser reads the types of attributes anew for every handle."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("viser._assignable_props_api.get_type_hints", functools.cache(typing.get_type_hints))
+        yield
 
 
 @pytest.fixture(autouse=True)
@@ -56,6 +65,12 @@ def opened() -> Iterator[Opener]:
 
 
 @pytest.fixture
+def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
+    """A viewer of the scene with its motion."""
+    return opened(scene, found=trajectory)
+
+
+@pytest.fixture
 def served(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
     """A viewer for pages in a real browser; see `in_browser.plainly`."""
     from tests.planner.view.in_browser import plainly
@@ -71,6 +86,42 @@ def browser() -> Iterator[Any]:
     from tests.planner.view.in_browser import opened_browser
 
     yield from opened_browser()
+
+
+@pytest.fixture(scope="session")
+def watched(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
+    """The viewer of the page that tests share; see `in_browser.plainly`."""
+    from tests.planner.view.in_browser import plainly
+
+    viewer = plainly(scene, ("found", trajectory))
+    yield viewer
+    viewer.close()
+
+
+@pytest.fixture(scope="session")
+def kept(browser: Any, watched: Viewer) -> Iterator[Any]:
+    """The page that tests share: the first pictures of each cost the processor seconds."""
+    from tests.planner.view.in_browser import Tabs
+
+    tabs = Tabs(browser)
+    tabs(watched.address())
+    tabs.blank = browser.new_page()  # stands before the page where no test looks at it: it would draw on and on
+    yield tabs
+    tabs.blank.close()
+    tabs.close()
+
+
+@pytest.fixture
+def page(kept: Any, watched: Viewer) -> Iterator[Any]:
+    """It, with the scene as it was at first."""
+    from tests.planner.view.in_browser import calm
+
+    kept.pages[0].bring_to_front()  # a page behind another one's tab draws no pictures, and waits for them for ever
+    watched.panel.editing.ask("reset")
+    calm(watched)
+    yield kept.pages[0]
+    kept.blank.bring_to_front()
+    assert not kept.complaints
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
+from tests.planner.view.events import by_worker, verdict_on
 from tests.planner.view.in_page import drawn, grip, gripped, handled, seen
 from tests.waiting import until
 
@@ -72,6 +73,7 @@ class Tabs:
         self.browser = browser
         self.complaints: list[str] = []
         self.pages: list[Any] = []
+        self.blank: Any = None
 
     def __call__(self, address: str) -> Any:
         page = self.browser.new_page()
@@ -93,10 +95,6 @@ class Tabs:
         for page in self.pages:
             page.close()
         assert not self.complaints, self.complaints
-
-
-def address(viewer: Viewer) -> str:
-    return viewer.address()
 
 
 def picture(page: Any) -> NDArray[np.int64]:
@@ -165,11 +163,6 @@ def press(page: Any, name: str) -> None:
     page.get_by_role("button", name=name, exact=True).dispatch_event("click")
 
 
-def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
-    viewer.worker.ask("test", lambda: (job(), None)[1])
-    assert viewer.worker.settle(PATIENCE / 1e3)
-
-
 def calm(viewer: Viewer) -> None:
     """Wait until nothing is planned or drawn any more."""
     until(lambda: viewer.panel.live.settle(0.1) and viewer.worker.settle(0.1), "it plans on for ever")
@@ -180,6 +173,17 @@ def selected(page: Any, viewer: Viewer, thing: Thing) -> NDArray[np.float64]:
     by_worker(viewer, lambda: viewer.panel.handles.select(thing))
     handled(page, viewer)
     return place_of(viewer.edited, thing, viewer.stage.tip).matrix
+
+
+def let_go(page: Any, viewer: Viewer) -> None:
+    """Release the mouse's button, and wait until nothing is dragged any more."""
+    page.mouse.up()
+    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+
+
+def says_the_truth(page: Any, viewer: Viewer) -> None:
+    """Wait until the page says of the active motion what holds in the scene as it is now."""
+    page.get_by_text(verdict_on(viewer)).first.wait_for()
 
 
 def tab_of(page: Any, name: str) -> None:

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from hdplan.planner.view.drawing.handle import SIZE as SIZE_OF_HANDLE
 from hdplan.planner.view.looking import RESIZED, Looking
 from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.poses import Vector3
 from tests.waiting import PATIENCE, until
 
+EYE, TARGET = (0.4, -2.2, 2.6), (0.4, 0.3, 0.0)  # from where the whole planar arm is seen
 SAME_PLACE = 1e-3  # [m]
 EVERY = 100  # [ms] between two looks at a page
 DRAWN = """(least) => {
@@ -104,7 +106,7 @@ def heard(page: Any, viewer: Viewer) -> None:
     viewer.worker.settle(PATIENCE)
 
 
-def look(page: Any, viewer: Viewer, eye: tuple[float, float, float], target: tuple[float, float, float]) -> None:
+def look(page: Any, viewer: Viewer, eye: Vector3 = EYE, target: Vector3 = TARGET) -> None:
     """Let every page look from one point at another, and wait until this one does and its server knows: one that hears
     late how wide a page's picture is frames the scene again."""
     clients = viewer.server.get_clients
@@ -129,7 +131,7 @@ def handled(page: Any, viewer: Viewer) -> None:
 
     def stands() -> bool:
         viewer.worker.settle(PATIENCE)
-        handle = viewer.panel.handles._handle
+        handle = viewer.panel.handles.grip.node
         return handle is not None and bool(
             page.evaluate(STANDS, (handle.name, tuple(handle.position.tolist()), SAME_PLACE))
         )

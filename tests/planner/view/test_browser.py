@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,43 +16,17 @@ from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.viewer import Viewer
 from hdplan.planner.view.words import OUTDATED
 from hdplan.scenes.scene import Scene
-from tests.planner.view.in_browser import (
-    SIZE,
-    Tabs,
-    address,
-    changed,
-    coloured,
-    picture,
-    plainly,
-    press,
-)
-from tests.planner.view.in_page import drawn, grip, gripped, handled, seen
+from tests.planner.view.events import active_of
+from tests.planner.view.in_browser import SIZE, Tabs, changed, coloured, picture, plainly, press
+from tests.planner.view.in_page import drawn, grip, gripped, handled, heard, seen
 from tests.waiting import until
 
 SPENT = re.compile(r"– \d+ attempt")  # ends what Plan says
 
 
-@pytest.fixture(scope="module")
-def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
-    found = plainly(scene, ("found", trajectory))
-    yield found
-    found.close()
-
-
-@pytest.fixture(scope="module")
-def kept(browser: Any, viewer: Viewer) -> Iterator[Tabs]:
-    """The page of the viewer that all tests share: the first pictures of each cost the processor seconds."""
-    tabs = Tabs(browser)
-    tabs(address(viewer))
-    yield tabs
-    tabs.close()
-
-
 @pytest.fixture
-def page(kept: Tabs) -> Iterator[Any]:
-    kept.pages[0].bring_to_front()  # a page behind another one's tab draws no pictures, and waits for them for ever
-    yield kept.pages[0]
-    assert not kept.complaints
+def viewer(watched: Viewer) -> Viewer:
+    return watched
 
 
 def time_field(page: Any) -> Any:
@@ -77,10 +50,11 @@ def test_the_page_shows_the_scene_and_the_slider_moves_the_robot(page: Any, view
 
 
 def test_a_second_tab_sees_the_same(tab: Tabs, page: Any, viewer: Viewer) -> None:
-    other = tab(address(viewer))
+    other = tab(viewer.address())
     set_time(other, 0.35)
     page.locator('[data-moment="0.350"]').wait_for()
     until(lambda: time_field(page).input_value() == "0.35", "the second slider stays where it was")
+    heard(other, viewer)  # or the server would look for a page that is gone
     other.close()  # in the middle of things
     viewer.show(0.7)
     page.locator('[data-moment="0.700"]').wait_for()
@@ -91,13 +65,12 @@ def test_plan_works(page: Any, viewer: Viewer) -> None:
     press(page, "Plan")
     page.get_by_text(SPENT).wait_for()
     assert "certified: at least" in page.get_by_text(SPENT).inner_text()
-    assert viewer.motions.active is not None
-    assert viewer.motions.active.motion.name == NAME
+    assert active_of(viewer).motion.name == NAME
     page.get_by_role("tab", name="Scene").click()
     with page.expect_download() as download:
         press(page, "Save motion")
     found = Trajectory.load(_named(download.value, "motion.json"))
-    np.testing.assert_array_equal(found.positions, viewer.motions.active.motion.trajectory.positions)
+    np.testing.assert_array_equal(found.positions, active_of(viewer).motion.trajectory.positions)
 
 
 @pytest.mark.slow  # without a page `test_viewer` drags it
@@ -106,15 +79,14 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
     viewer = plainly(scene)
     viewer.panel.live.set(False)
     try:
-        page = tab(address(viewer))
+        page = tab(viewer.address())
         page.get_by_role("tab", name="Plan").click()
         press(page, "Plan")
         page.get_by_text(SPENT).wait_for()
         page.get_by_role("tab", name="Scene").click()
-        assert viewer.motions.active is not None
         index = next(i for i, obstacle in enumerate(scene.obstacles) if obstacle.name == "ball")
         begin = np.array(scene.obstacles[index].pose.position)
-        path = viewer.motions.active.motion.tip
+        path = active_of(viewer).motion.tip
         way = path[np.linalg.norm(path - begin, axis=1).argmin()] - begin
         axis = np.eye(3)[np.abs(way).argmax()] * np.sign(way[np.abs(way).argmax()])
         viewer.worker.settle(20)
@@ -137,7 +109,7 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
             press(page, "Save motion")
         verdict = json.loads(Path(download.value.path()).read_text(encoding="utf-8"))["verdict"]
         viewer.worker.settle(20)
-        certificate = viewer.certifier.certify(viewer.motions.active.motion.trajectory)
+        certificate = viewer.certifier.certify(active_of(viewer).motion.trajectory)
         assert not certificate.certified
         assert verdict["text"] == certificate.text
         page.mouse.up()

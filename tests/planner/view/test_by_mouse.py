@@ -20,19 +20,19 @@ from hdplan.planner.view import live
 from hdplan.planner.view.drawing.colors import CONTACT, intensities
 from hdplan.planner.view.layers import LAYERS
 from hdplan.planner.view.planning import NAME
-from hdplan.planner.view.things import GOAL, Thing, place_of
+from hdplan.planner.view.things import GOAL, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
+from tests.planner.view.events import BALL, active_of, by_worker, names
 from tests.planner.view.in_browser import (
     Tabs,
-    address,
     arrow_dragged,
-    by_worker,
     calm,
+    let_go,
     plainly,
     press,
     selected,
@@ -40,12 +40,10 @@ from tests.planner.view.in_browser import (
     tab_of,
     typed,
 )
-from tests.planner.view.in_page import look
+from tests.planner.view.in_page import EYE, TARGET, look
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
-BALL = Thing("obstacle", "ball")
-EYE, TARGET = (0.4, -2.2, 2.6), (0.4, 0.3, 0.0)
 HOOK = shipped_scenes()["panda_vase"].parent / "hook.obj"
 Served = Callable[..., tuple[Any, Viewer]]
 
@@ -58,7 +56,7 @@ def served(tab: Tabs) -> Iterator[Served]:
     def served(scene: Scene, *motions: tuple[str, Trajectory], eye: Any = EYE, target: Any = TARGET) -> Any:
         viewer = plainly(scene, *motions)
         viewers.append(viewer)
-        page = tab(address(viewer))
+        page = tab(viewer.address())
         look(page, viewer, eye, target)
         return page, viewer
 
@@ -71,10 +69,6 @@ def certified_at(viewer: Viewer, goal: np.ndarray) -> bool:
     """Whether the active motion is certified and ends at a goal (n,)."""
     active = viewer.motions.active
     return active is not None and active.motion.certificate.certified and np.array_equal(active.motion.joints[-1], goal)
-
-
-def names(viewer: Viewer) -> list[str]:
-    return [obstacle.name for obstacle in viewer.scene.obstacles]
 
 
 def test_the_joints_are_jogged_and_go_to_states_and_back(served: Served, scene: Scene, trajectory: Trajectory) -> None:
@@ -166,8 +160,7 @@ def test_files_are_sent_whole_or_refused_and_saved(
     saved = load_scene(tmp_path / "planar_arm.yaml")
     assert [each.name for each in saved.obstacles] == [*first, "hook"]
     motion = Trajectory.load(tmp_path / "motion.json")
-    assert viewer.motions.active is not None
-    assert certify(saved, motion).text == viewer.certifier.certify(viewer.motions.active.motion.trajectory).text
+    assert certify(saved, motion).text == viewer.certifier.certify(active_of(viewer).motion.trajectory).text
     press(page, "reset")
     until(lambda: names(viewer) == first, "it is not reset")
     other.set_input_files(tmp_path / "planar_arm.yaml")
@@ -180,7 +173,7 @@ def test_files_are_sent_whole_or_refused_and_saved(
     (tmp_path / "again.json").write_bytes((tmp_path / "motion.json").read_bytes())
     other.set_input_files(tmp_path / "again.json")
     page.get_by_text("opened: again.json").wait_for()
-    assert viewer.motions.active.motion.name == "again"
+    assert active_of(viewer).motion.name == "again"
 
 
 def test_the_keys_do_what_the_list_says(served: Served, scene: Scene, trajectory: Trajectory) -> None:
@@ -210,7 +203,7 @@ def test_the_keys_do_what_the_list_says(served: Served, scene: Scene, trajectory
     page.keyboard.press("Shift+Z")
     until(lambda: "sphere" in names(viewer), "shift Z")
     page.keyboard.press("p")
-    until(lambda: viewer.motions.active is not None and viewer.motions.active.result is not None, "P")
+    until(lambda: viewer.motions.active is not None and active_of(viewer).result is not None, "P")
     assert shown in viewer.motions.shown or len(viewer.motions.shown) == 1
     page.keyboard.press("Shift+?")
     page.get_by_text("List the keys").wait_for()
@@ -230,8 +223,7 @@ def test_a_motion_that_no_longer_holds_is_red_until_another_is_found(
         return planned(*given, **named)
 
     monkeypatch.setattr(live, "plan", slowly)
-    active = viewer.motions.active
-    assert active is not None
+    active = active_of(viewer)
     before = active.motion.scene
     place = selected(page, viewer, BALL)
     tips = active.motion.tip
@@ -247,8 +239,7 @@ def test_a_motion_that_no_longer_holds_is_red_until_another_is_found(
     released.set()
     page.get_by_text("certified: at least").first.wait_for()
     calm(viewer)
-    page.mouse.up()
-    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+    let_go(page, viewer)
 
 
 def test_a_goal_pose_keeps_its_tolerance_and_has_other_postures(served: Served) -> None:
@@ -257,8 +248,7 @@ def test_a_goal_pose_keeps_its_tolerance_and_has_other_postures(served: Served) 
     place = selected(page, viewer, GOAL)
     arrow_dragged(page, viewer, place, 0.06 * place[:3, 2], steps=5)
     until(lambda: viewer.edited.target != scene.goal.targets[0], "the goal stays where it was")
-    page.mouse.up()
-    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+    let_go(page, viewer)
     calm(viewer)
     tab_of(page, "Joints")
     before = viewer.edited
@@ -273,7 +263,7 @@ def test_a_tab_is_closed_while_plan_runs(served: Served, tab: Tabs, scene: Scene
     press(page, "Plan")
     page.close()
     until(lambda: bool(viewer.motions.shown), "it plans no more")
-    tab(address(viewer)).get_by_text("certified: at least").first.wait_for()
+    tab(viewer.address()).get_by_text("certified: at least").first.wait_for()
 
 
 def test_many_obstacles_on_a_slow_line(tab: Tabs, scene: Scene, trajectory: Trajectory) -> None:
@@ -283,17 +273,15 @@ def test_many_obstacles_on_a_slow_line(tab: Tabs, scene: Scene, trajectory: Traj
     more = [Obstacle(f"box {i}", Box((0.03, 0.03, 0.03)), Pose(tuple(place))) for i, place in enumerate(places)]
     viewer = plainly(dataclasses.replace(scene, obstacles=(*scene.obstacles, *more)), (NAME, trajectory))
     with contextlib.closing(viewer), slow_line(viewer.port, delay=0.3, rate=2e6) as port:
-        page = tab(address(viewer).replace(f":{viewer.port}/", f":{port}/"))
+        page = tab(viewer.address().replace(f":{viewer.port}/", f":{port}/"))
         until(lambda: bool(viewer.server.get_clients()), "the page does not reach the server")
-        look(page, viewer, EYE, TARGET)
+        look(page, viewer)
         place = selected(page, viewer, BALL)
         arrow_dragged(page, viewer, place, np.array([-0.15, 0.0, 0.0]))
         until(lambda: viewer.panel.live.count > 0, "no motion is planned while it is dragged")
-        page.mouse.up()
-        until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+        let_go(page, viewer)
         calm(viewer)
-        assert viewer.motions.active is not None
-        motion = viewer.motions.active.motion
+        motion = active_of(viewer).motion
         text = certify(viewer.scene, motion.trajectory, viewer.robot).text
         page.get_by_text(text).first.wait_for()
         moved = place_of(viewer.edited, BALL, viewer.stage.tip).position

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +12,11 @@ from hdplan.planner.view.drawing import clouds
 from hdplan.planner.view.layers import BOXES, LEFT_OUT
 from hdplan.planner.view.scene_edits import placed
 from hdplan.planner.view.things import Thing
-from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.scene import Scene
+from tests.planner.view.events import Opener, by_worker
 
-Opener = Callable[..., Viewer]
 PATIENCE = 30.0  # [s]
 START = [-0.5, 0.3, 0.0, -1.8, 0.0, 2.1, 0.785]
 
@@ -37,8 +35,7 @@ def test_what_is_left_out_is_shown_on_request(opened: Opener) -> None:
     assert viewer.stage.left_out is not None
     assert len(viewer.stage.left_out.points) == 2
     assert not viewer.stage.left_out.visible
-    viewer.panel.layers.set(LEFT_OUT, True)
-    viewer.worker.settle(PATIENCE)
+    by_worker(viewer, lambda: viewer.panel.layers.set(LEFT_OUT, True))
     assert viewer.stage.left_out.visible
     assert opened(Scene(robot="panda", start=START, goal=START)).stage.left_out is None
 
@@ -51,8 +48,7 @@ def test_it_is_selected_dragged_and_a_dragged_start_carves_nothing_out_of_it(ope
     assert len(shape.points) == 3000
     viewer.panel.handles.select(Thing("obstacle", "view"))
     viewer.worker.settle(PATIENCE)
-    viewer.worker.ask("move", lambda: viewer.document.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
-    viewer.worker.settle(PATIENCE)
+    by_worker(viewer, lambda: viewer.document.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
     low = viewer.edited.starting_at(np.array([0.0, 0.9, 0.0, -1.6, 0.0, 2.5, 0.785]))  # its hand is in the table
     kept = low.scene.obstacles[0].shape
     assert isinstance(kept, Cloud)
@@ -71,17 +67,14 @@ def test_points_are_sent_once_and_coloured_by_height_or_by_clearance(opened: Ope
     motion = viewer.motions.active.motion
     tips, up = motion.tip, float(motion.tip[:, 2].min()) - 0.12
     viewer.worker.ask("move", lambda: viewer.document.change(placed(viewer.edited, "view", (0.0, 0.0, up))))
-    viewer.worker.ask("color", lambda: cloud.color(viewer.robot, motion))
-    viewer.worker.settle(PATIENCE)
+    by_worker(viewer, lambda: cloud.color(viewer.robot, motion))
     away = np.linalg.norm(sent[:, None, :2] - tips[None, :, :2], axis=2).min(axis=1)
     red = cloud.points.colors[:, 0].astype(float) - cloud.points.colors[:, 2]
     assert red[away < 0.02].mean() > red[away > 0.2].mean() + 50.0
-    viewer.worker.ask("move", lambda: viewer.document.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
-    viewer.worker.settle(PATIENCE)
+    by_worker(viewer, lambda: viewer.document.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
     assert viewer.stage.clouds == [cloud]
     assert cloud.points.points is sent
-    viewer.worker.ask("color", lambda: cloud.color(viewer.robot, None))
-    viewer.worker.settle(PATIENCE)
+    by_worker(viewer, lambda: cloud.color(viewer.robot, None))
     np.testing.assert_array_equal(cloud.points.colors.astype(float).sum(axis=1), bright)
 
 
@@ -103,8 +96,7 @@ def test_its_boxes_are_seen_only_where_they_mean_something(opened: Opener) -> No
         (lambda: cloud.fade(True), 0.0, 0.35),
         (lambda: cloud.fade(False), 0.0, 1.0),
     ):
-        viewer.worker.ask("change", change)
-        viewer.worker.settle(PATIENCE)
+        by_worker(viewer, change)
         assert (cloud.mesh.opacity, cloud.points.point_size) == (opacity, share * size)
 
 
@@ -117,19 +109,16 @@ def test_of_huge_clouds_some_points_are_drawn(opened: Opener, monkeypatch: pytes
 def test_the_planners_boxes_are_drawn_on_request_and_follow_the_cloud(opened: Opener) -> None:
     viewer = opened(seen())
     assert viewer.panel.layers.boxes.node is None
-    viewer.panel.layers.set(BOXES, True)
-    viewer.worker.settle(PATIENCE)
+    by_worker(viewer, lambda: viewer.panel.layers.set(BOXES, True))
     boxes = viewer.panel.layers.boxes
     assert boxes.node.visible
     before = boxes.node.vertices
     assert len(before) % 8 == 0
     assert len(before) > 100
     viewer.worker.ask("move", lambda: viewer.document.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
-    viewer.worker.ask("draw", viewer.panel.player.draw)
-    viewer.worker.settle(PATIENCE)
+    by_worker(viewer, viewer.panel.player.draw)
     np.testing.assert_allclose(boxes.node.vertices, before - [0.0, 0.0, 0.02], atol=1e-6)
-    viewer.panel.layers.set(BOXES, False)
-    viewer.worker.settle(PATIENCE)
+    by_worker(viewer, lambda: viewer.panel.layers.set(BOXES, False))
     assert not boxes.node.visible
 
 

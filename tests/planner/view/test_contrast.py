@@ -13,7 +13,8 @@ from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
-from tests.planner.view.in_browser import Tabs, address, by_worker, plainly, tab_of
+from tests.planner.view.events import by_worker
+from tests.planner.view.in_browser import Tabs, plainly, tab_of
 from tests.planner.view.in_page import wait_for
 
 pytestmark = pytest.mark.slow
@@ -52,7 +53,7 @@ def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
 
 
 def test_every_word_can_be_read(tab: Tabs, viewer: Viewer) -> None:
-    page: Any = tab(address(viewer))
+    page: Any = tab(viewer.address())
     page.get_by_text("certified: at least").first.wait_for()
     by_worker(viewer, lambda: viewer.panel.handles.select(Thing("obstacle", "ball")))
     for theme in ("light", "dark"):

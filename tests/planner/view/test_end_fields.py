@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,25 +13,7 @@ from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
-from tests.planner.view.events import heard
-
-Opener = Callable[..., Viewer]
-
-
-def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
-    viewer.worker.ask("test", lambda: (job(), None)[1])
-    assert viewer.worker.settle(20)
-
-
-def field(viewer: Viewer, name: str) -> Any:
-    return next(handle for handle, each, _ in viewer.panel.ends._fields._fields if each == name)
-
-
-def typed(viewer: Viewer, name: str, value: object) -> None:
-    """Let a browser say what somebody typed."""
-    handle = field(viewer, name)
-    heard(handle, value)
-    assert viewer.worker.settle(20)
+from tests.planner.view.events import Opener, by_worker, field_of, typed
 
 
 def place(viewer: Viewer, thing: Thing) -> Pose:
@@ -46,15 +26,15 @@ def test_typed_values_hold_and_are_undone(opened: Opener, name: str, thing: Thin
     viewer = opened(load_scene(name))
     by_worker(viewer, lambda: viewer.panel.handles.select(thing))
     before, first = viewer.edited, place(viewer, thing)
-    typed(viewer, "turned [°]", tuple(np.add(scene_edits.turn_of(first), (0.0, 5.0, 0.0))))
+    typed(viewer, viewer.panel.ends._fields, "turned [°]", tuple(np.add(scene_edits.turn_of(first), (0.0, 5.0, 0.0))))
     turned = place(viewer, thing)
     assert "not done" not in viewer.panel.editing.text
     assert turned.quaternion_xyzw != first.quaternion_xyzw
     np.testing.assert_allclose(turned.position, first.position, atol=1e-3)
     x, y, z = turned.position
-    typed(viewer, "at [m]", (x, y + 0.02, z))
+    typed(viewer, viewer.panel.ends._fields, "at [m]", (x, y + 0.02, z))
     np.testing.assert_allclose(place(viewer, thing).position, (x, y + 0.02, z), atol=1e-3)
-    shown = np.array([float(word) for word in str(field(viewer, "x y z w").value).split()])
+    shown = np.array([float(word) for word in str(field_of(viewer.panel.ends._fields, "x y z w").value).split()])
     np.testing.assert_allclose(abs(shown @ place(viewer, thing).quaternion_xyzw), 1.0, atol=1e-5)
     by_worker(viewer, viewer.panel.ends.snap)
     np.testing.assert_allclose(np.round(place(viewer, thing).position, 2), place(viewer, thing).position, atol=1.1e-3)
@@ -72,15 +52,14 @@ def test_poses_out_of_the_tips_reach_are_refused(opened: Opener) -> None:
     viewer = opened(load_scene("panda_cage"))
     by_worker(viewer, lambda: viewer.panel.handles.select(START))
     before = viewer.edited
-    typed(viewer, "at [m]", (5.0, 0.0, 0.0))
+    typed(viewer, viewer.panel.ends._fields, "at [m]", (5.0, 0.0, 0.0))
     assert viewer.edited is before
     assert "from this posture the tip stays" in viewer.panel.editing.text
-    typed(viewer, "x y z w", "0 0 0 zero")
+    typed(viewer, viewer.panel.ends._fields, "x y z w", "0 0 0 zero")
     assert "must be a number" in viewer.panel.editing.text
-    typed(viewer, "x y z w", "0 0 0 0")
+    typed(viewer, viewer.panel.ends._fields, "x y z w", "0 0 0 0")
     assert "not all 0" in viewer.panel.editing.text
     assert viewer.edited is before
     by_worker(viewer, lambda: viewer.panel.handles.select(None))
-    viewer.panel.editing.do(viewer.panel.ends.snap)
-    assert viewer.worker.settle(20)
+    by_worker(viewer, lambda: viewer.panel.editing.do(viewer.panel.ends.snap))
     assert "neither start nor goal" in viewer.panel.editing.text

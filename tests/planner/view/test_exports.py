@@ -6,7 +6,6 @@ from __future__ import annotations
 import io
 import threading
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,10 +20,9 @@ from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.verify import verify
-from tests.planner.view.in_browser import Tabs, address, by_worker, press, tab_of
+from tests.planner.view.events import Opener, active_of, by_worker
+from tests.planner.view.in_browser import Tabs, press, tab_of
 from tests.waiting import until
-
-Opener = Callable[..., Viewer]
 
 
 class Browser:
@@ -87,8 +85,7 @@ def test_what_is_not_certified_is_not_saved(opened: Opener, scene: Scene, trajec
     assert b'"certified":false' in page.files["planar_arm.html"]
 
 
-def test_a_browser_that_is_gone_ends_nothing(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
-    viewer = opened(scene, found=trajectory)
+def test_a_browser_that_is_gone_ends_nothing(viewer: Viewer) -> None:
     gone: Any = SimpleNamespace(client_id=7, camera=SimpleNamespace(image_width=400, image_height=300))
     by_worker(viewer, lambda: viewer.panel.exports._begin("picture", gone))
     until(lambda: "not saved: AttributeError" in status(viewer), "the panel has no message")
@@ -98,7 +95,7 @@ def test_a_browser_that_is_gone_ends_nothing(opened: Opener, scene: Scene, traje
 @pytest.mark.slow
 def test_files_come_by_mouse(tab: Tabs, served: Viewer, tmp_path: Path) -> None:
     """All of it, a page and a picture, each from its button; the archive is accepted by the checker."""
-    page = tab(address(served))
+    page = tab(served.address())
     page.get_by_text("certified: at least").first.wait_for()
     tab_of(page, "Scene")
     for button, name in (("Save all", "planar_arm.zip"), ("page", "planar_arm.html"), ("picture", "planar_arm.png")):
@@ -110,8 +107,7 @@ def test_files_come_by_mouse(tab: Tabs, served: Viewer, tmp_path: Path) -> None:
     zipfile.ZipFile(tmp_path / "planar_arm.zip").extractall(tmp_path)
     files = [tmp_path / "planar_arm" / name for name in ("planar_arm.yaml", "motion.json", "motion.proof")]
     assert verify(*files).whole
-    assert served.motions.active is not None
-    text = certify(served.scene, served.motions.active.motion.trajectory).text
+    text = certify(served.scene, active_of(served).motion.trajectory).text
     assert text in (tmp_path / "planar_arm.html").read_text()
     from PIL import Image
 

@@ -14,29 +14,18 @@ from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.scene_edits import NEW
-from hdplan.planner.view.things import Thing, place_of
+from hdplan.planner.view.things import place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Shape
 from hdplan.scenes.timing import Timing
-from tests.planner.view.in_browser import (
-    Tabs,
-    address,
-    arrow_dragged,
-    by_worker,
-    calm,
-    plainly,
-    press,
-    tab_of,
-    typed,
-)
+from tests.planner.view.events import BALL, PRISM, active_of, by_worker
+from tests.planner.view.in_browser import Tabs, arrow_dragged, calm, let_go, plainly, press, tab_of, typed
 from tests.planner.view.in_page import handled, look
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
-BALL, PRISM = Thing("obstacle", "ball"), Thing("obstacle", "prism")
-EYE, TARGET = (0.4, -2.2, 2.6), (0.4, 0.3, 0.0)
 Opened = Callable[[Scene], tuple[Any, Viewer]]
 
 
@@ -47,8 +36,8 @@ def opened(tab: Tabs, trajectory: Trajectory) -> Iterator[Opened]:
 
     def opened(scene: Scene) -> tuple[Any, Viewer]:
         viewers.append(plainly(scene, (NAME, trajectory)) if not scene.timed else plainly(scene))
-        page = tab(address(viewers[-1]))
-        look(page, viewers[-1], EYE, TARGET)
+        page = tab(viewers[-1].address())
+        look(page, viewers[-1])
         return page, viewers[-1]
 
     yield opened
@@ -123,20 +112,19 @@ def test_an_obstacle_is_renamed_while_it_is_dragged(opened: Opened, tab: Tabs, s
     """In another tab, as one mouse cannot do both: the drag continues with the renamed obstacle."""
     page, viewer = opened(scene)
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
-    other = tab(address(viewer))
+    other = tab(viewer.address())
     other.bring_to_front()  # behind another one, a page draws nothing
     tab_of(other, "Scene")
     other.get_by_text("velocity [m/s]").wait_for()
     page.bring_to_front()
-    look(page, viewer, EYE, TARGET)
+    look(page, viewer)
     handled(page, viewer)
     place = place_of(viewer.edited, BALL, viewer.stage.tip).matrix
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     until(lambda: viewer.panel.handles.dragging, "it is not dragged")
     typed(other, viewer, "name", "globe")
     page.mouse.move(300, 200)
-    page.mouse.up()
-    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+    let_go(page, viewer)
     calm(viewer)
     names = [obstacle.name for obstacle in viewer.scene.obstacles]
     assert ("globe" in names) != ("ball" in names)
@@ -149,11 +137,11 @@ def test_two_tabs_drag_at_once(opened: Opened, tab: Tabs, scene: Scene) -> None:
     """There is one handle: both hands pull at it, the last wish holds, and every page says the same in the end."""
     page, viewer = opened(scene)
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
-    other = tab(address(viewer))
+    other = tab(viewer.address())
     other.bring_to_front()  # behind another one, a page draws nothing
-    look(other, viewer, EYE, TARGET)
+    look(other, viewer)
     page.bring_to_front()
-    look(page, viewer, EYE, TARGET)
+    look(page, viewer)
     handled(page, viewer)
     place = place_of(viewer.edited, BALL, viewer.stage.tip).matrix
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
@@ -166,8 +154,7 @@ def test_two_tabs_drag_at_once(opened: Opened, tab: Tabs, scene: Scene) -> None:
     other.mouse.up()
     until(lambda: not viewer.panel.handles.dragging, "it is not let go")
     calm(viewer)
-    active = viewer.motions.active
-    assert active is not None
+    active = active_of(viewer)
     if active.motion.certificate.certified:
         text = certify(viewer.scene, active.motion.trajectory, viewer.robot).text
         for each in (page, other):

@@ -24,14 +24,8 @@ from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
+from tests.planner.view.events import Opener, active_of, by_worker
 from tests.waiting import until
-
-Opener = Callable[..., Viewer]
-
-
-@pytest.fixture
-def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
-    return opened(scene, found=trajectory)
 
 
 def test_the_robot_is_where_it_reports_itself(viewer: Viewer, trajectory: Trajectory) -> None:
@@ -73,25 +67,22 @@ def test_a_proof_says_nothing_of_a_report(viewer: Viewer) -> None:
 def test_a_report_grows_old(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reported, "STALE", 0.0)
     viewer.state([0.3, -0.7])
-    viewer.worker.ask("beat", viewer.pulse._beat)
-    assert viewer.worker.settle(20)
+    by_worker(viewer, viewer.pulse._beat)
     assert viewer.stage.report_label.text == "the robot itself, 0 s ago"
 
 
-@pytest.mark.parametrize(
-    ("q", "message"),
-    [
+def test_reports_of_other_joints_are_refused(viewer: Viewer) -> None:
+    reports: list[tuple[Any, str]] = [
         ([0.1], r"^state: shape \(1,\), must be \(2,\), for shoulder, elbow"),
         ([[0.1, 0.2]], r"^state: shape"),
         ([0.1, np.nan], "^state: nan for joint elbow"),
         ("default", "^state: must be 2 numbers"),
         ({"elbow": 0.1}, "^state: no value for shoulder"),
         ({"elbow": 0.1, "shoulder": "x"}, "^state: must be 2 numbers"),
-    ],
-)
-def test_reports_that_are_none_are_refused(viewer: Viewer, q: Any, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        viewer.state(q)
+    ]
+    for q, message in reports:
+        with pytest.raises(InputError, match=message):
+            viewer.state(q)
     assert viewer.reported.newest is None
 
 
@@ -128,8 +119,7 @@ def test_a_plan_elsewhere_is_seen_as_it_is_made(opened: Opener, scene: Scene) ->
     assert pressed == [False, True]
     assert not viewer.panel.planning.running
     assert viewer.panel.planning.iterates
-    assert viewer.motions.active is not None
-    assert viewer.motions.active.motion.certificate is result.certificate
+    assert active_of(viewer).motion.certificate is result.certificate
     assert viewer.panel.planning.button.label == "Plan"
 
 
@@ -139,14 +129,12 @@ def test_a_plan_elsewhere_says_nothing_of_another_scene(opened: Opener, scene: S
 
     def run(seen: Callable[..., None], stop: Callable[[], bool]) -> Any:
         result = plan(scene, report=seen)
-        viewer.worker.ask("add", lambda: viewer.panel.obstacles.add("box"))
-        assert viewer.worker.settle(20)
+        by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
         return result
 
     result = viewer.panel.planning.follow(scene, run)
     assert viewer.worker.settle(20)
-    assert viewer.motions.active is not None
-    motion = viewer.motions.active.motion
+    motion = active_of(viewer).motion
     assert motion.certificate is not result.certificate
     assert motion.certificate.text == certify(viewer.scene, result.trajectory).text
 

@@ -31,17 +31,11 @@ from hdplan.scenes.shapes import Points
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.scenes.yaml_format.writer import scene_text
-from tests.planner.view.events import heard
+from tests.planner.view.events import Opener, by_worker, heard
 from tests.waiting import PATIENCE, until
 
-Opener = Callable[..., Viewer]
 HOOK = shipped_scenes()["panda_vase"].parent / "hook.obj"
 LONG_AGO = -1e3  # [s]
-
-
-@pytest.fixture
-def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
-    return opened(scene, found=trajectory)
 
 
 def field(viewer: Viewer, label: str) -> Any:
@@ -55,11 +49,6 @@ def sent(viewer: Viewer, handle: Any, value: object, wait: bool = True) -> None:
     heard(handle, value)
     if wait:
         assert viewer.worker.settle(20)
-
-
-def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
-    viewer.worker.ask("test", lambda: (job(), None)[1])
-    assert viewer.worker.settle(20)
 
 
 def status(viewer: Viewer) -> str:
@@ -124,7 +113,7 @@ def test_what_a_browser_may_send_is_taken_whole_or_refused_in_a_line(viewer: Vie
     by_worker(viewer, lambda: viewer.panel.obstacles.add("points"))
     by_worker(viewer, lambda: viewer.panel.obstacles.add("capsule"))
     refused, taken, earlier = 0, 0, [viewer.edited]
-    for _ in range(150):
+    for _ in range(100):
         if rng.random() < 0.2:
             thing = things(viewer.edited)[rng.integers(len(things(viewer.edited)))]
             by_worker(viewer, lambda thing=thing: viewer.panel.handles.select(thing))
@@ -431,8 +420,7 @@ def test_files_that_cannot_be_opened_change_nothing(viewer: Viewer, trajectory: 
     before, motions = viewer.edited, list(viewer.motions.shown)
     for job, name, content, words in cases:
         given = SimpleNamespace(name=name, content=content)
-        viewer.panel.editing.do(lambda job=job, given=given: job(given))
-        assert viewer.worker.settle(20)
+        by_worker(viewer, lambda job=job, given=given: viewer.panel.editing.do(lambda: job(given)))
         assert words in status(viewer), name
         assert str(viewer.uploads.folder) not in status(viewer)
         assert "\n" not in status(viewer)
@@ -536,10 +524,10 @@ def test_the_handle_stands_as_what_is_selected(viewer: Viewer) -> None:
     """Upright for an obstacle, also after the goal was selected, whose handle is turned; a move of it turns nothing."""
     handles, name = viewer.panel.handles, viewer.scene.obstacles[0].name
     by_worker(viewer, lambda: handles.select(GOAL))
-    turned = handles._handle.wxyz.copy()
+    turned = handles.grip.node.wxyz.copy()
     by_worker(viewer, lambda: handles._clicked(Thing("obstacle", name), False))
     assert handles.selected == Thing("obstacle", name)
     np.testing.assert_allclose(
-        np.roll(handles._handle.wxyz, -1), viewer.scene.obstacles[0].pose.quaternion_xyzw, atol=1e-12
+        np.roll(handles.grip.node.wxyz, -1), viewer.scene.obstacles[0].pose.quaternion_xyzw, atol=1e-12
     )
-    assert np.abs(turned - handles._handle.wxyz).max() > 0.1
+    assert np.abs(turned - handles.grip.node.wxyz).max() > 0.1

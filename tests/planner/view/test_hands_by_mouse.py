@@ -11,25 +11,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.gate import ALIVE, WATCH
 from hdplan.planner.view.page_script import ENDED, WATCHING
 from hdplan.planner.view.planning import NAME
-from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.planner.view.watch import seen
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
+from tests.planner.view.events import BALL, by_worker
 from tests.planner.view.in_browser import (
     Tabs,
-    address,
     arrow_dragged,
-    by_worker,
     calm,
     entry,
     plainly,
     press,
+    says_the_truth,
     selected,
     tab_of,
 )
@@ -37,8 +35,6 @@ from tests.planner.view.in_page import heard, look
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
-BALL = Thing("obstacle", "ball")
-EYE, TARGET = (0.4, -2.2, 2.6), (0.4, 0.3, 0.0)
 
 
 @pytest.fixture
@@ -50,7 +46,7 @@ def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
 
 def dragging(page: Any, viewer: Viewer) -> None:
     """Select the ball and drag it a little; the button stays down."""
-    look(page, viewer, EYE, TARGET)
+    look(page, viewer)
     place = selected(page, viewer, BALL)
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     until(lambda: viewer.panel.handles.dragging, "it is not dragged")
@@ -60,19 +56,11 @@ def is_there(viewer: Viewer) -> bool:
     return BALL.name in [each.name for each in viewer.scene.obstacles]
 
 
-def says_the_truth(page: Any, viewer: Viewer) -> None:
-    calm(viewer)
-    by_worker(viewer, viewer.document.measure)
-    assert viewer.motions.active is not None
-    text = certify(viewer.scene, viewer.motions.active.motion.trajectory, viewer.robot).text
-    page.get_by_text(text).first.wait_for()
-
-
 @pytest.mark.parametrize("by", ["delete", "z", "file"])
 def test_an_obstacle_is_removed_during_its_drag(tab: Tabs, viewer: Viewer, tmp_path: Path, by: str) -> None:
     """By another tab, by the other hand at the keyboard, or from the file; the first keeps pulling, and lets go
     late."""
-    page, first = tab(address(viewer)), viewer.edited
+    page, first = tab(viewer.address()), viewer.edited
     dragging(page, viewer)
     if by == "z":
         page.keyboard.press("z")
@@ -85,7 +73,7 @@ def test_an_obstacle_is_removed_during_its_drag(tab: Tabs, viewer: Viewer, tmp_p
             file.write_text(re.sub(r".*name: ball.*\n", "", text))
             until(lambda: not is_there(viewer), "it is not opened")
     else:
-        other = tab(address(viewer))
+        other = tab(viewer.address())
         other.bring_to_front()
         tab_of(other, "Scene")
         press(other, "delete")
@@ -101,6 +89,8 @@ def test_an_obstacle_is_removed_during_its_drag(tab: Tabs, viewer: Viewer, tmp_p
     assert viewer.edited is without
     assert not viewer.panel.handles.dragging
     assert viewer.panel.handles.selected == (BALL if by == "z" else None)
+    calm(viewer)
+    by_worker(viewer, viewer.document.measure)
     says_the_truth(page, viewer)
 
 
@@ -123,7 +113,7 @@ def test_a_watching_browser_cannot_press_buttons(tab: Tabs, viewer: Viewer) -> N
 
 
 def test_a_server_that_has_ended_is_reported(tab: Tabs, viewer: Viewer) -> None:
-    page = tab(address(viewer))
+    page = tab(viewer.address())
     color: Callable[[], Any] = lambda: page.evaluate("getComputedStyle(document.documentElement, '::after').content")  # noqa: E731
     for _ in range(2):  # the page has found that it is there
         with page.expect_response(lambda answer: answer.url.endswith(ALIVE)):
@@ -134,7 +124,7 @@ def test_a_server_that_has_ended_is_reported(tab: Tabs, viewer: Viewer) -> None:
 
 
 def test_an_exponent_makes_no_other_number(tab: Tabs, viewer: Viewer) -> None:
-    page = tab(address(viewer))
+    page = tab(viewer.address())
     tab_of(page, "Plan")
     field = entry(page, viewer, "waypoints")
     field.click()
@@ -146,7 +136,7 @@ def test_an_exponent_makes_no_other_number(tab: Tabs, viewer: Viewer) -> None:
 
 
 def test_a_refused_value_leaves_its_field(tab: Tabs, viewer: Viewer) -> None:
-    page = tab(address(viewer))
+    page = tab(viewer.address())
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
     tab_of(page, "Scene")
     field = entry(page, viewer, "clearance [m]")

@@ -4,7 +4,6 @@ late takes no other motion's place."""
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,13 +14,11 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.view import live as module
 from hdplan.planner.view.planning import KEPT_PLANS, NAME
-from hdplan.planner.view.things import Thing, place_of
+from hdplan.planner.view.things import place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
-
-Opener = Callable[..., Viewer]
-BALL = Thing("obstacle", "ball")
+from tests.planner.view.events import BALL, Opener, by_worker, settled
 
 
 @pytest.fixture
@@ -37,14 +34,8 @@ def planned(viewer: Viewer, name: str) -> None:
     viewer.document.put(name, result.trajectory, result.certificate, result=result)
 
 
-def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
-    viewer.worker.ask("test", lambda: (job(), None)[1])
-    assert viewer.worker.settle(20)
-
-
 def way(viewer: Viewer, which: str) -> None:
-    viewer.panel.editing.ask(which)
-    assert viewer.worker.settle(20)
+    by_worker(viewer, lambda: viewer.panel.editing.ask(which))
 
 
 def seen(viewer: Viewer) -> list[Any]:
@@ -61,11 +52,6 @@ def dragged(viewer: Viewer, x: float) -> None:
     pose = Pose((place[0] + x, place[1], place[2]))
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
     by_worker(viewer, lambda: viewer.panel.handles.drag(pose))
-
-
-def settled(viewer: Viewer) -> None:
-    assert viewer.panel.live.settle(20)
-    assert viewer.worker.settle(20)
 
 
 @pytest.mark.parametrize("do", ["rename", "remove", "plan"])

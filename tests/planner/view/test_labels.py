@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.drawing.camera import FOV
 from hdplan.planner.view.drawing.labels import FONT, HIGH, WIDE, Picture, apart, arrange
 from hdplan.planner.view.viewer import Viewer
-from hdplan.scenes.scene import Scene
-
-Opener = Callable[..., Viewer]
 
 
 def boxes(places: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -48,11 +42,8 @@ def test_labels_apart_stay_where_they_are_and_none_is_cut_off() -> None:
     assert boxes(places + shifts, sizes)[2, 1] == 300.0
 
 
-def test_labels_of_a_scene_make_room_in_a_picture_and_go_back(
-    opened: Opener, scene: Scene, trajectory: Trajectory
-) -> None:
+def test_labels_of_a_scene_make_room_in_a_picture_and_go_back(viewer: Viewer) -> None:
     """From far away all that they name is in one place."""
-    viewer = opened(scene, found=trajectory)
     viewer.show(0.5)
     words = [label for label in viewer.stage.words if label.visible]
     assert len(words) == 3  # start, goal and the closest pair

@@ -14,29 +14,18 @@ import pytest
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.planning import NAME
-from hdplan.planner.view.things import Thing, place_of
+from hdplan.planner.view.things import place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
-from tests.planner.view.in_browser import (
-    Tabs,
-    address,
-    arrow_dragged,
-    by_worker,
-    calm,
-    plainly,
-    press,
-    selected,
-    tab_of,
-)
-from tests.planner.view.in_page import handled, look, seen
+from tests.planner.view.events import BALL, active_of, by_worker, names
+from tests.planner.view.in_browser import Tabs, arrow_dragged, calm, let_go, plainly, press, selected, tab_of
+from tests.planner.view.in_page import EYE, handled, look, seen
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
-BALL = Thing("obstacle", "ball")
-EYE, TARGET = (0.4, -2.2, 2.6), (0.4, 0.3, 0.0)
 COMES_IN = """(address) => new Promise((resolve) => {
   const socket = new WebSocket(address.replace(/^http/, 'ws').replace(/[/]([?]|$)/, '$1'), 'viser-vVERSION');
   socket.onopen = () => resolve(true);
@@ -56,15 +45,11 @@ def line(page: Any, text: str) -> Any:
     return page.locator(".hd-row").filter(has_text=text).first
 
 
-def names(viewer: Viewer) -> list[str]:
-    return [obstacle.name for obstacle in viewer.scene.obstacles]
-
-
 def test_two_points_are_measured(tab: Tabs, viewer: Viewer) -> None:
     """A click on the ball's side towards the eye, and one on the same spot: no way between them; and nothing is
     selected."""
-    page = tab(address(viewer))
-    look(page, viewer, EYE, TARGET)
+    page = tab(viewer.address())
+    look(page, viewer)
     tab_of(page, "Scene")
     switch, measuring = page.get_by_label("measure", exact=True), viewer.panel.measuring
     switch.dispatch_event("click")
@@ -87,8 +72,8 @@ def test_a_handle_behind_another_body_is_gripped(tab: Tabs, viewer: Viewer) -> N
     before = Pose(tuple((0.7 * middle + 0.3 * np.array(EYE)).tolist()))
     wall = Obstacle("wall", Box((0.5, 0.5, 0.02)), before)
     by_worker(viewer, lambda: viewer.document.change(viewer.edited.changed(obstacles=(*viewer.scene.obstacles, wall))))
-    page = tab(address(viewer))
-    look(page, viewer, EYE, TARGET)
+    page = tab(viewer.address())
+    look(page, viewer)
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
     handled(page, viewer)
     arrow_dragged(page, viewer, place_of(viewer.edited, BALL, viewer.stage.tip).matrix, np.array([0.05, 0.0, 0.0]), 2)
@@ -99,7 +84,7 @@ def test_a_handle_behind_another_body_is_gripped(tab: Tabs, viewer: Viewer) -> N
 
 @pytest.mark.parametrize("by", ["mouse", "keyboard"])
 def test_obstacles_are_hidden_locked_duplicated_and_deleted(tab: Tabs, viewer: Viewer, by: str) -> None:
-    page = tab(address(viewer))
+    page = tab(viewer.address())
     tab_of(page, "Scene")
 
     def use(word: str) -> None:
@@ -132,8 +117,8 @@ def test_obstacles_are_hidden_locked_duplicated_and_deleted(tab: Tabs, viewer: V
 
 def test_a_chosen_motion_stays_while_another_is_planned_live(tab: Tabs, viewer: Viewer) -> None:
     """The one that is chosen while the mouse is down is neither replaced nor lost; undo brings all back."""
-    page = tab(address(viewer))
-    look(page, viewer, EYE, TARGET)
+    page = tab(viewer.address())
+    look(page, viewer)
     before = [shown.motion.trajectory for shown in viewer.motions.shown]
     place = selected(page, viewer, BALL)
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
@@ -141,8 +126,7 @@ def test_a_chosen_motion_stays_while_another_is_planned_live(tab: Tabs, viewer: 
     line(page, "other").dispatch_event("click")
     until(lambda: viewer.motions.active is viewer.motions.shown[1], "it is not chosen")
     page.mouse.move(*seen(page, place[:3, 3] + np.array([-0.2, 0.0, 0.0])))
-    page.mouse.up()
-    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+    let_go(page, viewer)
     calm(viewer)
     other = next(shown for shown in viewer.motions.shown if shown.motion.name == "other")
     assert np.array_equal(other.motion.trajectory.positions, before[1].positions)
@@ -150,8 +134,7 @@ def test_a_chosen_motion_stays_while_another_is_planned_live(tab: Tabs, viewer: 
         press(page, "undo")
         calm(viewer)
     assert [shown.motion.trajectory for shown in viewer.motions.shown] == before
-    active = viewer.motions.active
-    assert active is not None
+    active = active_of(viewer)
     page.get_by_text(certify(viewer.scene, active.motion.trajectory, viewer.robot).text).first.wait_for()
 
 
@@ -162,8 +145,8 @@ def test_a_page_of_another_site_does_not_come_in(tab: Tabs, viewer: Viewer, scen
     script = COMES_IN.replace("VERSION", viser.__version__)
     other = plainly(dataclasses.replace(scene, name="another"))
     with contextlib.closing(other):
-        page = tab(address(other))
-        assert page.evaluate(script, address(other))
-        assert not page.evaluate(script, address(viewer))
+        page = tab(other.address())
+        assert page.evaluate(script, other.address())
+        assert not page.evaluate(script, viewer.address())
         assert not viewer.server.get_clients()
         page.goto("about:blank")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +19,12 @@ from hdplan.planner.view import live as module
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.history import History
 from hdplan.planner.view.planning import NAME
-from hdplan.planner.view.things import GOAL, START, Thing, dragged, place_of, things
+from hdplan.planner.view.things import GOAL, START, dragged, place_of, things
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Opener = Callable[..., Viewer]
-BALL = Thing("obstacle", "ball")
+from tests.planner.view.events import BALL, Opener, active_of, by_worker, settled
 
 
 @pytest.fixture
@@ -37,20 +34,9 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
     return viewer
 
 
-def by_worker(viewer: Viewer, job: Callable[[], Any]) -> None:
-    viewer.worker.ask("test", job)
-    assert viewer.worker.settle(20)
-
-
-def settled(viewer: Viewer) -> None:
-    assert viewer.panel.live.settle(20)
-    assert viewer.worker.settle(20)
-
-
 def in_the_way(viewer: Viewer) -> Pose:
     """Where the ball stands in the way of the active motion."""
-    assert viewer.motions.active is not None
-    tip = viewer.motions.active.motion.tip
+    tip = active_of(viewer).motion.tip
     return dataclasses.replace(place_of(viewer.edited, BALL, viewer.stage.tip), position=tuple(tip[len(tip) // 2]))
 
 
@@ -62,8 +48,7 @@ def test_a_motion_follows_what_is_dragged(viewer: Viewer) -> None:
         pose = Pose(tuple((begin + share * way).tolist()))
         by_worker(viewer, lambda pose=pose: viewer.panel.handles.drag(pose))
         settled(viewer)
-        active = viewer.motions.active
-        assert active is not None
+        active = active_of(viewer)
         certificate = certify(viewer.scene, active.motion.trajectory, viewer.robot)
         assert viewer.document.holds(active)
         assert active.motion.certificate.text == certificate.text
@@ -94,8 +79,7 @@ def test_a_motion_that_no_longer_holds_is_reported_at_once_with_pair_and_depth(
     assert "certified" not in verdict
     gate.set()
     settled(viewer)
-    assert viewer.motions.active is not None
-    assert viewer.motions.active.motion.certificate.certified or "and ball overlap by" in viewer.panel.verdict
+    assert active_of(viewer).motion.certificate.certified or "and ball overlap by" in viewer.panel.verdict
 
 
 def test_the_newest_scene_is_planned_and_those_between_are_dropped(
@@ -120,8 +104,7 @@ def test_the_newest_scene_is_planned_and_those_between_are_dropped(
     gate.set()
     settled(viewer)
     assert [scene.obstacles for scene in planned[1:]] == [viewer.scene.obstacles]
-    assert viewer.motions.active is not None
-    assert viewer.motions.active.motion.certificate.certified
+    assert active_of(viewer).motion.certificate.certified
 
 
 @pytest.mark.parametrize("drags", [15, pytest.param(40, marks=pytest.mark.slow)])
@@ -137,7 +120,7 @@ def test_verdicts_stay_true_during_live_drags(drags: int, viewer: Viewer) -> Non
         by_worker(viewer, lambda thing=thing: viewer.panel.handles.select(thing))
         viewer.worker.ask("drag", lambda pose=pose: viewer.panel.handles.drag(pose))
         if rng.random() < 0.3:
-            viewer.panel.handles.release()
+            viewer.panel.handles.grip.release()
         if rng.random() < 0.3:
             time.sleep(0.05)
         by_worker(viewer, lambda: _assert_true(viewer))
@@ -189,12 +172,13 @@ def test_without_a_motion_yet_the_first_drag_plans_one(opened: Opener, scene: Sc
 
 
 def test_closing_while_it_plans_ends_its_thread(opened: Opener, scene: Scene) -> None:
+    others = threading.enumerate()
     viewer = opened(scene, live=True)
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
     place = place_of(viewer.edited, BALL, viewer.stage.tip)
     viewer.worker.ask("drag", lambda: viewer.panel.handles.drag(place))
     viewer.close()
-    assert not [thread for thread in threading.enumerate() if thread.name == "hdplan-live"]
+    assert not [each for each in threading.enumerate() if each.name == "hdplan-live" and each not in others]
 
 
 # --- ends -------------------------------------------------------------------------------------------------------------
@@ -207,8 +191,7 @@ def test_the_start_is_dragged_and_the_motion_begins_there(viewer: Viewer) -> Non
     pose = dataclasses.replace(place_of(viewer.edited, START, tip), position=tuple(near.tolist()))
     by_worker(viewer, lambda: viewer.panel.handles.drag(pose))
     settled(viewer)
-    assert viewer.motions.active is not None
-    motion = viewer.motions.active.motion
+    motion = active_of(viewer).motion
     assert motion.certificate.certified
     np.testing.assert_allclose(motion.joints[0], viewer.edited.start, rtol=0, atol=1e-9)
 
@@ -249,8 +232,7 @@ def test_a_scene_with_a_goal_pose_is_saved_with_it(opened: Opener, grasp: Edited
     by_worker(viewer, lambda: viewer.panel.handles.drag(pose))
     settled(viewer)
     by_worker(viewer, viewer.panel.handles.let_go)
-    assert viewer.motions.active is not None
-    assert viewer.motions.active.motion.certificate.certified
+    assert active_of(viewer).motion.certificate.certified
     (tmp_path / "scene.yaml").write_bytes(viewer.panel.saving.scene_file())
     (tmp_path / "motion.json").write_bytes(viewer.panel.saving.motion_file())
     saved = load_scene(tmp_path / "scene.yaml")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -11,22 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.drawing.camera import SIDES
 from hdplan.planner.view.drawing.nodes import FADED
-from hdplan.planner.view.looking import INSIDE, Outline
+from hdplan.planner.view.drawing.outline import INSIDE, Outline
 from hdplan.planner.view.things import GOAL, Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
+from tests.planner.view.events import Opener, by_worker
 
-Opener = Callable[..., Viewer]
 
-
-def test_the_first_view_has_the_robot_in_the_picture(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
-    viewer = opened(scene, found=trajectory)
+def test_the_first_view_has_the_robot_in_the_picture(viewer: Viewer) -> None:
     camera = viewer.server.initial_camera
     ahead = (camera.look_at - camera.position) / np.linalg.norm(camera.look_at - camera.position)
     outline = Outline(viewer.robot)
@@ -52,16 +48,14 @@ def test_the_outline_goes_with_the_robot(opened: Opener, scene: Scene) -> None:
     np.testing.assert_array_equal(again, Outline(viewer.robot).at(viewer.edited.start))
 
 
-def test_what_stands_before_the_eye_fades_and_comes_back(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
-    viewer = opened(scene, found=trajectory)
+def test_what_stands_before_the_eye_fades_and_comes_back(viewer: Viewer, scene: Scene) -> None:
     view = viewer.panel.looking.view("best", 1.2)
     wall = Obstacle("wall", Box((0.6, 0.6, 0.6)), Pose(tuple((0.8 * view.eye + 0.2 * view.target).tolist())))
     away = replace(wall, pose=Pose(tuple((view.eye + [0.0, 0.0, 30.0]).tolist())))
 
     def with_wall(obstacle: Obstacle) -> None:
         others = tuple(each for each in viewer.scene.obstacles if each.name != "wall")
-        viewer.worker.ask("test", lambda: viewer.document.change(viewer.edited.changed(obstacles=(*others, obstacle))))
-        viewer.worker.settle()
+        by_worker(viewer, lambda: viewer.document.change(viewer.edited.changed(obstacles=(*others, obstacle))))
 
     with_wall(wall)
     faded = {node.obstacle.name: node.mesh.opacity for node in viewer.stage.obstacles}
@@ -71,9 +65,8 @@ def test_what_stands_before_the_eye_fades_and_comes_back(opened: Opener, scene: 
     assert {node.mesh.opacity for node in viewer.stage.obstacles} == {None}
 
 
-def test_a_body_before_the_handle_lets_the_mouse_through(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
+def test_a_body_before_the_handle_lets_the_mouse_through(viewer: Viewer, scene: Scene) -> None:
     """Browsers give a press to the first body that takes clicks, also where a handle is drawn over it."""
-    viewer = opened(scene, found=trajectory)
     eye = viewer.panel.looking.eye
     assert eye is not None
     ball = scene.obstacles[0]
@@ -103,11 +96,8 @@ def test_a_body_before_the_handle_lets_the_mouse_through(opened: Opener, scene: 
         assert any(ghosts())
 
 
-def test_a_window_is_reframed_until_its_camera_is_moved(
-    opened: Opener, scene: Scene, trajectory: Trajectory, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_window_is_reframed_until_its_camera_is_moved(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where a slow browser comes back to the first view, after it was turned to its own."""
-    viewer = opened(scene, found=trajectory)
     looking, begin = viewer.panel.looking, np.array(viewer.server.initial_camera.position)
     camera: Any = SimpleNamespace(position=begin, look_at=None, wxyz=np.array([1.0, 0.0, 0.0, 0.0]), fov=1.0)
     client: Any = SimpleNamespace(client_id=7, camera=camera, atomic=contextlib.nullcontext)

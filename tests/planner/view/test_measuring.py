@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,8 +15,7 @@ from hdplan.planner.view.layers import FRAMES
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene, derived
-
-Opener = Callable[..., Viewer]
+from tests.planner.view.events import Opener, by_worker
 
 
 def meets(origin: np.ndarray, direction: np.ndarray, corners: np.ndarray) -> float:
@@ -78,16 +76,14 @@ def test_two_clicks_measure_and_a_third_starts_over(opened: Opener, scene: Scene
     assert len(measuring.points) == 1
     assert not measuring._label.visible
     measuring.switch.value = False
-    viewer.worker.ask("measure points", measuring.begin)
-    assert viewer.worker.settle(20)
+    by_worker(viewer, measuring.begin)
     assert not measuring._root.visible
 
 
 def test_axes_are_what_joints_turn_about(opened: Opener, scene: Scene) -> None:
     """A joint that moves alone leaves the points of its own axis where they are."""
     viewer = opened(scene)
-    viewer.panel.layers.set(FRAMES, True)
-    assert viewer.worker.settle(20)
+    by_worker(viewer, lambda: viewer.panel.layers.set(FRAMES, True))
     robot, lines = viewer.robot, np.asarray(viewer.panel.layers.frames.axes.points)
     data = robot.model.createData()
     for number in range(1, robot.model.njoints):
@@ -107,9 +103,8 @@ def test_limits_near_a_motion_are_drawn_beside_its_joints(opened: Opener, scene:
     viewer = opened(scene)
     robot = viewer.robot
     near = np.stack([viewer.edited.start, robot.upper - 0.01])
-    viewer.worker.ask("put", lambda: (viewer.document.put("near", Trajectory(robot.joint_names, near)), None)[1])
-    assert viewer.worker.settle(20)
-    handle = viewer.panel._plots.joints.handle
+    by_worker(viewer, lambda: viewer.document.put("near", Trajectory(robot.joint_names, near)))
+    handle = viewer.panel.plots.drawn.joints.handle
     assert "limits dotted" in handle.title
     drawn = [handle.data[i] for i, line in enumerate(handle.series) if line["label"] == ""]
     bounds = {float(np.unique(row).item()) for row in drawn}

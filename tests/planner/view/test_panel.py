@@ -3,7 +3,6 @@ about, new shapes stand on the eye's side, and long names take no room."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,18 +16,15 @@ from hdplan.planner.view.drawing.colors import clearance_colors
 from hdplan.planner.view.drawing.motion import Tip, millimetres, shortened
 from hdplan.planner.view.drawing.nodes import SEGMENT_WIDTH, TIGHT
 from hdplan.planner.view.edited_scene import Edited
-from hdplan.planner.view.page_script import NARROWEST, WIDTH
+from hdplan.planner.view.page_script import NARROWEST
 from hdplan.planner.view.things import START, Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
-from tests.planner.view.events import heard
+from tests.planner.view.events import BALL, Opener, by_worker, field_of, tell, typed
 from tests.waiting import until
-
-Opener = Callable[..., Viewer]
-BALL = Thing("obstacle", "ball")
 
 
 @pytest.fixture
@@ -38,34 +34,21 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
     return viewer
 
 
-def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
-    viewer.worker.ask("test", lambda: (job(), None)[1])
-    assert viewer.worker.settle(20)
-
-
-def typed(viewer: Viewer, field: str, value: object) -> Any:
-    handle = next(each for each, name, _ in viewer.panel.obstacles._fields._fields if name == field)
-    heard(handle, value)
-    assert viewer.worker.settle(20)
-    return handle
-
-
-@pytest.mark.parametrize(("field", "value"), [("clearance", "a lot"), ("name", "prism"), ("radius", -1.0)])
-def test_a_value_that_was_refused_leaves_its_field(viewer: Viewer, field: str, value: object) -> None:
+def test_refused_values_leave_their_fields(viewer: Viewer) -> None:
     """Not at once, as somebody may still be typing."""
-    handle = next(each for each, name, _ in viewer.panel.obstacles._fields._fields if name == field)
-    before = handle.value
-    typed(viewer, field, value)
-    assert "not done: " in viewer.panel.editing.text
-    assert handle.value == value
-    until(lambda: handle.value == before, "the value of before is back")
+    fields = viewer.panel.obstacles._fields
+    values: dict[str, object] = {"clearance": "a lot", "name": "prism", "radius": -1.0}
+    before = {name: field_of(fields, name).value for name in values}
+    for name, value in values.items():
+        assert typed(viewer, fields, name, value).value == value
+        assert "not done: " in viewer.panel.editing.text
+    until(lambda: all(field_of(fields, name).value == before[name] for name in values), "the earlier values come back")
     assert "not done: " in viewer.panel.editing.text
 
 
 def test_an_exponent_is_refused_in_words(viewer: Viewer) -> None:
     before = viewer.edited
-    viewer.panel.page._handlers["exponent"](None, {"do": "exponent"})
-    assert viewer.worker.settle(20)
+    tell(viewer, do="exponent")
     assert "without an exponent" in viewer.panel.editing.text
     assert viewer.edited is before
 
@@ -137,17 +120,23 @@ def test_long_names_take_no_room(length: int) -> None:
     assert (found[0], found[-1]) == (name[0], name[-1])
 
 
-@pytest.mark.parametrize(
-    ("window", "width"), [(1400, WIDTH), (700, 280), (600, NARROWEST), (float("nan"), None), ("a", None)]
-)
-def test_the_panel_leaves_room_for_the_scene(viewer: Viewer, window: object, width: float | None) -> None:
+def test_the_panel_leaves_room_for_the_scene(viewer: Viewer) -> None:
     calls: list[float] = []
-    panel = SimpleNamespace(set_width=calls.append)
-    gui = SimpleNamespace(configure_theme=lambda **_: None, main_panel=panel)
-    client: Any = SimpleNamespace(client_id=7, gui=gui, scene=SimpleNamespace(add_grid=lambda *_, **__: None))
-    for _ in range(2):
-        viewer.panel.page._theme(client, {"do": "theme", "dark": False, "width": window})
-    assert calls == ([] if width in (None, WIDTH) else [width])
+    gui = SimpleNamespace(configure_theme=lambda **_: None, main_panel=SimpleNamespace(set_width=calls.append))
+    scene = SimpleNamespace(add_grid=lambda *_, **__: None)
+    widths: list[tuple[object, float | None]] = [
+        (1400, None),
+        (700, 280),
+        (600, NARROWEST),
+        (float("nan"), None),
+        ("a", None),
+    ]
+    for number, (window, width) in enumerate(widths):
+        client: Any = SimpleNamespace(client_id=number, gui=gui, scene=scene)
+        for _ in range(2):
+            viewer.panel.page._theme(client, {"do": "theme", "dark": False, "width": window})
+        assert calls == ([] if width is None else [width])
+        calls.clear()
 
 
 def test_start_and_goal_have_their_names_also_where_the_robot_stands(viewer: Viewer) -> None:
@@ -159,8 +148,7 @@ def test_start_and_goal_have_their_names_also_where_the_robot_stands(viewer: Vie
         assert [label.visible for label in stage.labels] == [True, True]
     by_worker(viewer, lambda: viewer.panel.handles.select(START))
     assert [label.visible for label in stage.labels] == [False, True]
-    viewer.panel.layers.set("start and goal", on=False)
-    assert viewer.worker.settle(20)
+    by_worker(viewer, lambda: viewer.panel.layers.set("start and goal", on=False))
     assert not any(label.visible for label in stage.labels)
 
 

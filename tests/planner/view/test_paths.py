@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -16,23 +14,18 @@ from hdplan.planner.view.motions import Shown
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
+from tests.planner.view.events import Opener, by_worker, straight
 
 LINES = (*MOTIONS, *colors.LINES, *colors.SHADES, colors.START, colors.GOAL, colors.INK, colors.LINKS, colors.ITERATE)
 GROUNDS = {"light": 255, "dark": 36}  # grey of the page
-Opener = Callable[..., Viewer]
 MM = "mm clear"  # of the scale of clearances
 
 
 @pytest.fixture
 def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
     """One motion that is certified, and one that runs into the obstacles."""
-    line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
+    line = straight(trajectory)
     return opened(scene, found=trajectory, line=line)
-
-
-def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
-    viewer.worker.ask("test", lambda: (job(), None)[1])
-    assert viewer.worker.settle(20)
 
 
 def drawn(viewer: Viewer, shown: Shown) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,9 +19,9 @@ from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import find_scene
+from tests.planner.view.events import Opener, by_worker, straight
 from tests.waiting import until
 
-Opener = Callable[..., Viewer]
 PATIENCE = 30.0  # [s]
 
 
@@ -38,13 +37,11 @@ def waited_for(viewer: Viewer, words: str) -> str:
 
 def switch(viewer: Viewer, on: bool) -> None:
     """Switch the layer as a browser does."""
-    viewer.panel.layers.set(PLANE, on)
-    assert viewer.worker.settle(PATIENCE)
+    by_worker(viewer, lambda: viewer.panel.layers.set(PLANE, on))
 
 
-def test_the_slab_lies_between_the_closest_pair(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
+def test_the_slab_lies_between_the_closest_pair(viewer: Viewer) -> None:
     """Written when the layer is shown; drawn between the points that are closest, as thick as is proven."""
-    viewer = opened(scene, found=trajectory)
     layer = viewer.panel.layers.plane
     assert not layer.slab.visible
     assert not layer.text
@@ -86,8 +83,7 @@ def test_a_proof_is_of_the_scene_as_it_was(
         moved = replace(first, pose=Pose((x + by, y, z), first.pose.quaternion_xyzw))
         viewer.document.change(viewer.edited.changed(obstacles=(moved, *rest)))
 
-    viewer.worker.ask("push", lambda: push(10.0))
-    assert viewer.worker.settle(PATIENCE)
+    by_worker(viewer, lambda: push(10.0))
     assert not layer.slab.visible
     assert "not certified in this scene" in layer.text
     viewer.worker.ask("measure", viewer.document.measure)
@@ -99,7 +95,7 @@ def test_a_proof_is_of_the_scene_as_it_was(
 def test_without_a_certified_motion_it_says_so(
     opened: Opener, scene: Scene, trajectory: Trajectory, found: bool
 ) -> None:
-    grazing = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
+    grazing = straight(trajectory)
     viewer = opened(scene, **({"straight": grazing} if found else {}))
     switch(viewer, True)
     waited_for(viewer, "not certified" if found else "no motion")

@@ -4,9 +4,6 @@ timeline, and a page's drag decides which."""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,12 +14,10 @@ from hdplan.planner.view.drawing.plot import Plot
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.scene import Scene
-from tests.planner.view.events import heard
-from tests.planner.view.in_browser import Tabs, address, by_worker, calm
+from tests.planner.view.events import Opener, by_worker, tell
+from tests.planner.view.in_browser import Tabs, calm
 from tests.planner.view.in_page import drawn
 from tests.waiting import until
-
-Opener = Callable[..., Viewer]
 
 
 @pytest.fixture(scope="module")
@@ -44,15 +39,15 @@ def curve(plot: Plot, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def choose(viewer: Viewer, quantity: str) -> None:
-    plots = viewer.panel._plots
+    plots = viewer.panel.plots.drawn
     plots.quantity.value = quantity
-    by_worker(viewer, lambda: viewer.panel.plot(viewer.panel.player.timeline))
+    by_worker(viewer, lambda: viewer.panel.plot())
 
 
 def test_rates_are_the_motions_own_with_their_limits(opened: Opener, limited: Scene, timed: Trajectory) -> None:
     viewer = opened(limited, found=timed)
     by_worker(viewer, lambda: None)
-    plots = viewer.panel._plots
+    plots = viewer.panel.plots.drawn
     for quantity, limits in (("velocity", [1.0]), ("acceleration", [2.0, 3.0]), ("jerk", [40.0])):
         choose(viewer, quantity)
         assert plots.joints.handle.title.startswith(f"{quantity} of the joints")
@@ -69,12 +64,11 @@ def test_rates_are_the_motions_own_with_their_limits(opened: Opener, limited: Sc
     assert plots.joints.handle.title.startswith("torque of the joints [N m]: none known")
 
 
-def test_a_path_without_times_has_no_rates(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
-    viewer = opened(scene, found=trajectory)
+def test_a_path_without_times_has_no_rates(viewer: Viewer, trajectory: Trajectory) -> None:
     choose(viewer, "velocity")
-    assert ": none known" in viewer.panel._plots.joints.handle.title
+    assert ": none known" in viewer.panel.plots.drawn.joints.handle.title
     choose(viewer, "position")
-    _, values = curve(viewer.panel._plots.joints, "elbow")
+    _, values = curve(viewer.panel.plots.drawn.joints, "elbow")
     assert values.min() == pytest.approx(trajectory.positions[:, 1].min(), abs=1e-3)
 
 
@@ -88,7 +82,7 @@ def test_two_motions_are_compared_on_one_axis(opened: Opener, limited: Scene, ti
     )
     viewer = opened(limited, found=timed, slow=slow)
     choose(viewer, "position")
-    plots = viewer.panel._plots
+    plots = viewer.panel.plots.drawn
     assert slow.times is not None
     own, other = curve(plots.joints, "elbow"), curve(plots.joints, "elbow of slow")
     assert (own[0].max(), other[0].max()) == pytest.approx((timed.times[-1], slow.times[-1]))
@@ -99,11 +93,11 @@ def test_two_motions_are_compared_on_one_axis(opened: Opener, limited: Scene, ti
 
 def test_lanes_lie_one_below_another_and_values_stay_true(opened: Opener, limited: Scene, timed: Trajectory) -> None:
     viewer = opened(limited, found=timed)
-    joints = viewer.panel._plots.joints
+    joints = viewer.panel.plots.drawn.joints
     for quantity in ("position", "velocity"):
         choose(viewer, quantity)
         alone = {name: curve(joints, name)[1] for name in ("shoulder", "elbow")}
-        viewer.panel._plots.lanes.value = True
+        viewer.panel.plots.drawn.lanes.value = True
         choose(viewer, quantity)
         shares = []
         for lane, (name, values) in enumerate(alone.items()):
@@ -111,7 +105,7 @@ def test_lanes_lie_one_below_another_and_values_stay_true(opened: Opener, limite
             low, high = joints.handle.scales[f"lane{lane}"]["range"]
             shares.append(((values.min() - low) / (high - low), (values.max() - low) / (high - low)))
         assert 0.0 < shares[1][0] <= shares[1][1] < 0.5 < shares[0][0] <= shares[0][1] < 1.0
-        viewer.panel._plots.lanes.value = False
+        viewer.panel.plots.drawn.lanes.value = False
     choose(viewer, "velocity")
     assert set(joints.handle.scales) == {"x", "y"}
 
@@ -121,7 +115,7 @@ def test_markers_stand_at_the_closest_moment_and_at_stages(opened: Opener, limit
     staged = dataclasses.replace(timed, stages=(StageMark("reach", 0), StageMark("place", 20)))
     viewer = opened(limited, found=staged)
     by_worker(viewer, lambda: None)
-    plots = viewer.panel._plots
+    plots = viewer.panel.plots.drawn
     motion = viewer.motions.shown[0].motion
     place = int(np.minimum(motion.clearance, motion.self_clearance).argmin())
     times, values = curve(plots.clearance, "closest")
@@ -131,39 +125,30 @@ def test_markers_stand_at_the_closest_moment_and_at_stages(opened: Opener, limit
     np.testing.assert_allclose(np.unique(times), timed.times[[0, 20]])
 
 
-def test_all_plots_are_zoomed_together_and_a_click_stays_a_moment(
-    opened: Opener, scene: Scene, trajectory: Trajectory
-) -> None:
-    viewer = opened(scene, found=trajectory)
-    client: Any = SimpleNamespace(client_id=1)
-    page, plots = viewer.panel.page, viewer.panel._plots
+def test_all_plots_are_zoomed_together_and_a_click_stays_a_moment(viewer: Viewer) -> None:
+    plots = viewer.panel.plots.drawn
     by_worker(viewer, lambda: None)
-
-    def send(text: str) -> None:
-        heard(page._field, text, client)
-        assert viewer.worker.settle(20)
-
-    send('{"do": "zoom", "from": 0.8, "to": 0.4}')
+    tell(viewer, '{"do": "zoom", "from": 0.8, "to": 0.4}')
     assert plots.view == pytest.approx((0.4, 0.8))
     ranges = [plot.handle.scales["x"]["range"] for plot in (plots.clearance, plots.joints)]
     np.testing.assert_allclose(ranges, [(0.4, 0.8)] * 2)
-    send('{"do": "seek", "share": 0.5}')
+    tell(viewer, '{"do": "seek", "share": 0.5}')
     assert viewer.panel.player.time == pytest.approx(0.6)
     assert plots.view == pytest.approx((0.4, 0.8))  # the bar moves, and the part stays
     for wrong in ('{"do": "zoom", "from": "x", "to": 1}', '{"do": "zoom"}', '{"do": "zoom", "from": 1e999, "to": 0}'):
-        send(wrong)
+        tell(viewer, wrong)
         assert plots.view == pytest.approx((0.4, 0.8))
-    send('{"do": "zoom", "from": 0, "to": 0}')
+    tell(viewer, '{"do": "zoom", "from": 0, "to": 0}')
     assert plots.view == (0.0, 1.0)
 
 
 @pytest.mark.slow
 def test_a_drag_in_a_plot_zooms_and_the_mouse_reads_values(tab: Tabs, served: Viewer) -> None:
-    page = tab(address(served))
+    page = tab(served.address())
     page.get_by_text("certified: at least").first.wait_for()
     calm(served)  # the plots have their curves, for which they are rebuilt
     drawn(page)
-    over, legend, plots = page.locator(".u-over").first, page.locator(".u-legend").first, served.panel._plots
+    over, legend, plots = page.locator(".u-over").first, page.locator(".u-legend").first, served.panel.plots.drawn
 
     def read() -> bool:
         over.scroll_into_view_if_needed()

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import html
-import json
-from collections.abc import Callable
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,31 +15,22 @@ from hdplan.planner.view.motions import LONGEST_NAME
 from hdplan.planner.view.planning import KEPT_PLANS, NAME
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
-from tests.planner.view.events import heard
-
-Opener = Callable[..., Viewer]
+from tests.planner.view.events import Opener, by_worker, straight, tell
 
 
 @pytest.fixture
 def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
-    line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
+    line = straight(trajectory)
     return opened(scene, found=trajectory, line=line)
-
-
-def tell(viewer: Viewer, message: object) -> None:
-    """As the page's script does."""
-    text = message if isinstance(message, str) else json.dumps(message)
-    heard(viewer.panel.page._field, text, SimpleNamespace(client_id=1))
-    assert viewer.worker.settle(20)
 
 
 def curves(viewer: Viewer) -> list[str]:
     """The motions whose clearance is plotted."""
-    series = [str(line["label"]) for line in viewer.panel._plots.clearance.handle.series]
+    series = [str(line["label"]) for line in viewer.panel.plots.drawn.clearance.handle.series]
     return series[1:-5]
 
 
-def names(viewer: Viewer) -> list[str]:
+def motions(viewer: Viewer) -> list[str]:
     return [shown.motion.name for shown in viewer.motions.shown]
 
 
@@ -50,7 +38,7 @@ def test_a_click_on_a_line_chooses_its_motion(viewer: Viewer, trajectory: Trajec
     first, second = viewer.motions.shown
     assert viewer.motions.active is first
     viewer.show(0.5)
-    tell(viewer, {"do": "choose", "motion": second.number})
+    tell(viewer, do="choose", motion=second.number)
     assert viewer.motions.active is second
     np.testing.assert_allclose(viewer.stage.robot.q, second.motion.curve.at_parameter(0.5))
     assert not viewer.motion_nodes.of(second).robot.visible  # the robot itself stands there
@@ -61,10 +49,10 @@ def test_a_hidden_motion_is_seen_neither_in_the_scene_nor_in_the_plots(viewer: V
     _, second = viewer.motions.shown
     viewer.show(0.5)
     assert (viewer.motion_nodes.of(second).path.visible, viewer.motion_nodes.of(second).robot.visible) == (True, True)
-    tell(viewer, {"do": "hide", "motion": second.number})
+    tell(viewer, do="hide", motion=second.number)
     assert (viewer.motion_nodes.of(second).path.visible, viewer.motion_nodes.of(second).robot.visible) == (False, False)
     assert curves(viewer) == ["found"]
-    tell(viewer, {"do": "hide", "motion": second.number})
+    tell(viewer, do="hide", motion=second.number)
     assert (viewer.motion_nodes.of(second).path.visible, viewer.motion_nodes.of(second).robot.visible) == (True, True)
     assert curves(viewer) == ["found", "line"]
 
@@ -72,24 +60,24 @@ def test_a_hidden_motion_is_seen_neither_in_the_scene_nor_in_the_plots(viewer: V
 def test_a_name_is_any_text_that_no_other_motion_has(viewer: Viewer) -> None:
     first, second = viewer.motions.shown
     wanted = '<b onclick="x">&amp; "quoted"</b>'
-    tell(viewer, {"do": "rename", "motion": second.number, "answer": f"  {wanted}\n"})
-    assert names(viewer) == ["found", wanted]
+    tell(viewer, do="rename", motion=second.number, answer=f"  {wanted}\n")
+    assert motions(viewer) == ["found", wanted]
     assert html.escape(wanted) in viewer.panel.rows.content
     assert wanted not in viewer.panel.rows.content
     for refused in ("found", "", " \n", "x" * (LONGEST_NAME + 1)):
-        tell(viewer, {"do": "rename", "motion": second.number, "answer": refused})
-        assert names(viewer) == ["found", wanted]
+        tell(viewer, do="rename", motion=second.number, answer=refused)
+        assert motions(viewer) == ["found", wanted]
         assert "motion" in viewer.panel.verdict.split("</div>")[0]
-    tell(viewer, {"do": "rename", "motion": first.number, "answer": "found"})  # its own
-    assert names(viewer) == ["found", wanted]
+    tell(viewer, do="rename", motion=first.number, answer="found")  # its own
+    assert motions(viewer) == ["found", wanted]
 
 
 def test_removed_motions_are_gone_and_the_last_one_leaves_the_first_thing_to_do(viewer: Viewer) -> None:
     first, second = viewer.motions.shown
-    tell(viewer, {"do": "remove", "motion": first.number})
+    tell(viewer, do="remove", motion=first.number)
     assert viewer.motions.active is second
-    tell(viewer, {"do": "remove", "motion": first.number})  # another browser was slower
-    tell(viewer, {"do": "remove", "motion": second.number})
+    tell(viewer, do="remove", motion=first.number)  # another browser was slower
+    tell(viewer, do="remove", motion=second.number)
     assert viewer.motions.active is None
     assert viewer.panel.rows.content == ""
     assert "press Plan" in viewer.panel.verdict
@@ -98,17 +86,17 @@ def test_removed_motions_are_gone_and_the_last_one_leaves_the_first_thing_to_do(
 
 def test_the_closest_moment_is_the_closest(viewer: Viewer) -> None:
     for shown in viewer.motions.shown:
-        tell(viewer, {"do": "closest", "motion": shown.number})
+        tell(viewer, do="closest", motion=shown.number)
         assert viewer.motions.active is shown
         least = min(shown.motion.clearance.min(), shown.motion.self_clearance.min())
         here = min(pair.distance for pair in viewer.certifier.closest(viewer.configuration, 0.0) if pair)
         assert here == pytest.approx(least, abs=1e-4)  # the slider has steps
 
 
-@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
-def test_a_click_in_a_plot_goes_to_that_moment(viewer: Viewer, share: float) -> None:
-    tell(viewer, {"do": "seek", "share": share})
-    assert viewer.panel.player.time == pytest.approx(share, abs=1e-3)
+def test_a_click_in_a_plot_goes_to_that_moment(viewer: Viewer) -> None:
+    for share in (0.25, 1.0, 0.0):
+        tell(viewer, do="seek", share=share)
+        assert viewer.panel.player.time == pytest.approx(share, abs=1e-3)
 
 
 def test_invalid_messages_of_a_page_change_nothing(viewer: Viewer) -> None:
@@ -125,7 +113,7 @@ def test_invalid_messages_of_a_page_change_nothing(viewer: Viewer) -> None:
         message["motion"] = [None, -1, 99, "1", []][rng.integers(5)]
         word = words[rng.integers(len(words))]
         if word != "theme":  # which needs a real browser
-            tell(viewer, {"do": word, **message})
+            tell(viewer, do=word, **message)
     assert [(shown.number, shown.motion.name) for shown in viewer.motions.shown] == before
 
 
@@ -137,15 +125,14 @@ def test_plans_that_follow_each_other_are_kept_but_not_for_ever(opened: Opener, 
     ]
 
     def finish(result: object) -> None:
-        viewer.worker.ask("planned", lambda: viewer.panel.planning._finish(viewer.scene, result, "found"))
-        assert viewer.worker.settle(20)
+        by_worker(viewer, lambda: viewer.panel.planning._finish(viewer.scene, result, "found"))
 
     for result in results:
         finish(result)
     assert len(viewer.motions.shown) == KEPT_PLANS
     assert viewer.motions.active is viewer.motions.shown[-1]
     assert len({shown.color for shown in viewer.motions.shown}) == min(KEPT_PLANS, len(MOTIONS))
-    assert len(set(names(viewer))) == KEPT_PLANS
+    assert len(set(motions(viewer))) == KEPT_PLANS
     finish(results[-1])  # found once more: the same motion, the same line
     assert len(viewer.motions.shown) == KEPT_PLANS
-    assert all(name.startswith(NAME) for name in names(viewer))
+    assert all(name.startswith(NAME) for name in motions(viewer))

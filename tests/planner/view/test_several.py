@@ -3,7 +3,6 @@ one step."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +13,12 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view import groups, scene_edits
 from hdplan.planner.view.edited_scene import Edited
-from hdplan.planner.view.things import START, Thing, obstacle_of
+from hdplan.planner.view.things import START, Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.yaml_format.writer import scene_text
-
-Opener = Callable[..., Viewer]
+from tests.planner.view.events import Opener, by_worker, names, tell
 
 
 @pytest.fixture
@@ -37,30 +35,16 @@ def viewer(opened: Opener, furnished: Scene, trajectory: Trajectory) -> Viewer:
     return opened(furnished, planned=trajectory)
 
 
-def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
-    viewer.worker.ask("test", lambda: (job(), None)[1])
-    assert viewer.worker.settle(20)
-
-
-def send(viewer: Viewer, do: str, **what: object) -> None:
-    viewer.panel.page._handlers[do](None, {"do": do, **what})
-    assert viewer.worker.settle(20)
-
-
 def place(edited: Edited, name: str) -> np.ndarray:
-    return obstacle_of(edited, Thing("obstacle", name)).pose.matrix
-
-
-def names(viewer: Viewer) -> set[str]:
-    return {each.name for each in viewer.scene.obstacles}
+    return edited.obstacle(name).pose.matrix
 
 
 def test_obstacles_selected_together_keep_their_relative_places_in_a_drag(viewer: Viewer) -> None:
     """Through any poses, in one step; what is not selected stays."""
     rng = np.random.default_rng(3)
     every = ("shelf/low", "far", "shelf/high")
-    send(viewer, "select group", name="shelf")
-    send(viewer, "select thing", kind="obstacle", name="far", more=True)
+    tell(viewer, do="select group", name="shelf")
+    tell(viewer, do="select thing", kind="obstacle", name="far", more=True)
     handles = viewer.panel.handles
     assert set(handles.obstacles) == set(every)
     assert handles.selected == Thing("obstacle", "far")  # the last one has the handle
@@ -74,43 +58,41 @@ def test_obstacles_selected_together_keep_their_relative_places_in_a_drag(viewer
             np.testing.assert_allclose(place(viewer.edited, name), way @ place(before, name), atol=1e-9)
         np.testing.assert_array_equal(place(viewer.edited, "ball"), place(before, "ball"))
     by_worker(viewer, handles.let_go)
-    wait_for_answer(viewer, before)
+    undone_at_once(viewer, before)
 
 
-def wait_for_answer(viewer: Viewer, before: Edited) -> None:
+def undone_at_once(viewer: Viewer, before: Edited) -> None:
     """One undo leads back."""
-    viewer.panel.editing.ask("undo")
-    assert viewer.worker.settle(20)
+    by_worker(viewer, lambda: viewer.panel.editing.ask("undo"))
     assert viewer.edited is before
 
 
 def test_several_are_duplicated_beside_each_other_and_deleted_in_one_step(viewer: Viewer) -> None:
-    before, first = viewer.edited, names(viewer)
-    send(viewer, "select group", name="shelf")
-    viewer.panel.obstacles.ask("duplicate")
-    assert viewer.worker.settle(20)
-    added = names(viewer) - first
+    before, first = viewer.edited, set(names(viewer))
+    tell(viewer, do="select group", name="shelf")
+    by_worker(viewer, lambda: viewer.panel.obstacles.ask("duplicate"))
+    added = set(names(viewer)) - first
     assert added == {"shelf/low2", "shelf/high2"}
     assert set(viewer.panel.handles.obstacles) == added
     ways = [place(viewer.edited, f"{name}2") - place(viewer.edited, name) for name in ("shelf/low", "shelf/high")]
     np.testing.assert_allclose(ways[0], ways[1], atol=1e-12)
     assert ways[0][1, 3] >= 0.3
-    wait_for_answer(viewer, before)
-    send(viewer, "delete group", name="shelf")
-    assert names(viewer) == first - {"shelf/low", "shelf/high"}
+    undone_at_once(viewer, before)
+    tell(viewer, do="delete group", name="shelf")
+    assert set(names(viewer)) == first - {"shelf/low", "shelf/high"}
     assert viewer.panel.handles.selected is None
-    wait_for_answer(viewer, before)
+    undone_at_once(viewer, before)
 
 
 def test_a_group_is_hidden_and_locked_as_one(viewer: Viewer) -> None:
-    send(viewer, "eye group", name="shelf")
+    tell(viewer, do="eye group", name="shelf")
     seen = {node.obstacle.name: node.frame.visible for node in viewer.stage.obstacles}
     assert [name for name, visible in seen.items() if not visible] == ["shelf/low", "shelf/high"]
-    send(viewer, "lock group", name="shelf")
-    send(viewer, "delete group", name="shelf")
+    tell(viewer, do="lock group", name="shelf")
+    tell(viewer, do="delete group", name="shelf")
     assert "is locked" in viewer.panel.editing.text
-    assert {"shelf/low", "shelf/high"} <= names(viewer)
-    send(viewer, "fold group", name="shelf")
+    assert {"shelf/low", "shelf/high"} <= set(names(viewer))
+    tell(viewer, do="fold group", name="shelf")
     assert "<b>shelf</b> (2)" in viewer.panel.tree.content
     assert "&emsp;" not in viewer.panel.tree.content
 
@@ -121,51 +103,47 @@ def test_hidden_obstacles_stay_hidden_under_a_new_name(viewer: Viewer) -> None:
     def hidden() -> list[str]:
         return [node.obstacle.name for node in viewer.stage.obstacles if not node.frame.visible]
 
-    send(viewer, "eye group", name="shelf")
-    send(viewer, "rename group", name="shelf", answer="rack")
+    tell(viewer, do="eye group", name="shelf")
+    tell(viewer, do="rename group", name="shelf", answer="rack")
     assert hidden() == ["rack/low", "rack/high"]
-    send(viewer, "rename group", name="rack", answer="")
+    tell(viewer, do="rename group", name="rack", answer="")
     assert hidden() == ["low", "high"]
     swapped = {"low": "ball", "ball": "low"}
     after = tuple(replace(each, name=swapped.get(each.name, each.name)) for each in viewer.scene.obstacles)
-    viewer.worker.ask("swap", lambda: viewer.document.change(viewer.edited.changed(obstacles=after)))
-    assert viewer.worker.settle(20)
+    by_worker(viewer, lambda: viewer.document.change(viewer.edited.changed(obstacles=after)))
     assert sorted(hidden()) == ["ball", "high"]
     for _ in range(3):
-        viewer.worker.ask("undo", viewer.document.undo)
-        assert viewer.worker.settle(20)
+        by_worker(viewer, viewer.document.undo)
     assert hidden() == ["shelf/low", "shelf/high"]
-    send(viewer, "eye group", name="shelf")
+    tell(viewer, do="eye group", name="shelf")
     assert hidden() == []
 
 
 def test_groups_are_saved_with_the_scene(viewer: Viewer) -> None:
     for name in ("ball", "prism"):
-        send(viewer, "select thing", kind="obstacle", name=name, more=True)
+        tell(viewer, do="select thing", kind="obstacle", name=name, more=True)
     before = viewer.edited
-    viewer.panel.obstacles.ask("group")
-    assert viewer.worker.settle(20)
+    by_worker(viewer, lambda: viewer.panel.obstacles.ask("group"))
     assert groups.members(viewer.edited, "group") == ("group/ball", "group/prism")
     assert set(viewer.panel.handles.obstacles) == {"group/ball", "group/prism"}
-    send(viewer, "rename group", name="group", answer="fruit")
+    tell(viewer, do="rename group", name="group", answer="fruit")
     assert groups.members(viewer.edited, "fruit") == ("fruit/ball", "fruit/prism")
     assert "fruit/ball" in scene_text(viewer.scene)
-    viewer.panel.editing.ask("undo")
-    assert viewer.worker.settle(20)
-    wait_for_answer(viewer, before)
+    by_worker(viewer, lambda: viewer.panel.editing.ask("undo"))
+    undone_at_once(viewer, before)
 
 
 def test_no_more_is_selected_than_there_is(viewer: Viewer) -> None:
     """Whatever is deleted elsewhere; start and goal are selected alone."""
-    send(viewer, "select group", name="shelf")
+    tell(viewer, do="select group", name="shelf")
     by_worker(viewer, lambda: viewer.document.change(scene_edits.deleted(viewer.edited, "shelf/high")))
     assert viewer.panel.handles.obstacles == ("shelf/low",)
-    send(viewer, "select thing", kind="start", name="", more=True)
+    tell(viewer, do="select thing", kind="start", name="", more=True)
     assert viewer.panel.handles.selected == START
     assert not viewer.panel.handles.obstacles
-    send(viewer, "select thing", kind="obstacle", name="ball", more=True)
+    tell(viewer, do="select thing", kind="obstacle", name="ball", more=True)
     assert viewer.panel.handles.obstacles == ("ball",)
-    send(viewer, "select thing", kind="obstacle", name="ball", more=True)  # a second time: no more
+    tell(viewer, do="select thing", kind="obstacle", name="ball", more=True)  # a second time: no more
     assert viewer.panel.handles.selected is None
 
 

@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
 from hdplan.planner.view.page_script import LOW, SHEET, WIDTH
-from hdplan.planner.view.things import Thing, place_of
+from hdplan.planner.view.things import place_of
 from hdplan.planner.view.viewer import Viewer
-from tests.planner.view.in_browser import Tabs, address, calm, screen, selected
+from tests.planner.view.events import BALL
+from tests.planner.view.in_browser import SIZE, calm, selected
 from tests.planner.view.in_page import HOLDS, grip, look, seen, wait_for
 from tests.waiting import until
 
 NARROW = {"width": 420, "height": 640}
-BALL = Thing("obstacle", "ball")
 
 
 @pytest.fixture
-def tab(browser: Any) -> Any:
-    """Opens pages on a screen that is touched."""
-    context = screen(browser.browser, viewport=NARROW, has_touch=True)
-    tabs = Tabs(context)
-    yield tabs
-    tabs.close()
-    context.close()
+def touched(page: Any) -> Iterator[Any]:
+    """The page that tests share, on a screen that is touched."""
+    touch = page.context.new_cdp_session(page)
+    touch.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
+    yield page
+    touch.send("Emulation.setTouchEmulationEnabled", {"enabled": False})
+    page.set_viewport_size(SIZE)
 
 
 def dragged(page: Any, begin: tuple[float, float], end: tuple[float, float], last: str) -> None:
@@ -44,8 +45,8 @@ def dragged(page: Any, begin: tuple[float, float], end: tuple[float, float], las
     send(last)
 
 
-def test_a_finger_drags_above_the_sheet(served: Viewer, tab: Any) -> None:
-    page = tab(address(served))
+def test_a_finger_drags_above_the_sheet(touched: Any, watched: Viewer) -> None:
+    page = touched
     for width in (NARROW["width"], SHEET - 20):  # viser's own sheet, and the panel that it docks beside the scene
         page.set_viewport_size({**NARROW, "width": width})
         sheet, canvas = page.locator("div:has(> div > .hdplan-page)"), page.locator("canvas").first
@@ -66,16 +67,17 @@ def test_a_finger_drags_above_the_sheet(served: Viewer, tab: Any) -> None:
     page.set_viewport_size({**NARROW, "width": 1000})  # the panel grows with the window
     until(lambda: 0 <= 1000 - WIDTH - canvas.bounding_box()["width"] < 10, "the panel is not as wide as it may be")
     page.set_viewport_size(NARROW)
-    x, y, z = place_of(served.edited, BALL, served.stage.tip).position
-    look(page, served, (x, y - 2.0, z + 1.5), (x, y, z))
+    x, y, z = place_of(watched.edited, BALL, watched.stage.tip).position
+    look(page, watched, (x, y - 2.0, z + 1.5), (x, y, z))
     for last in ("touchEnd", "touchCancel"):
-        place, before = selected(page, served, BALL), served.edited
+        place, before = selected(page, watched, BALL), watched.edited
         held = grip(page, place, 0)
         dragged(page, seen(page, held), seen(page, held - [0.2, 0.0, 0.0]), last)
         until(
-            lambda before=before: served.edited is not before and not served.panel.handles.dragging, "it is not let go"
+            lambda before=before: watched.edited is not before and not watched.panel.handles.dragging,
+            "it is not let go",
         )
-        calm(served)
-        now = place_of(served.edited, BALL, served.stage.tip).matrix[:3, 3]
+        calm(watched)
+        now = place_of(watched.edited, BALL, watched.stage.tip).matrix[:3, 3]
         assert now[0] < place[0, 3] - 0.1
         np.testing.assert_allclose(now[1:], (y, z), atol=1e-6)

@@ -4,9 +4,6 @@ as it was; of turns in numbers, of snapping, and of the layers that mark things.
 from __future__ import annotations
 
 import dataclasses
-import json
-from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,34 +17,20 @@ from hdplan.planner.view.gate import MOST_MESSAGE
 from hdplan.planner.view.layers import FRAMES, NAMES, TRAIL
 from hdplan.planner.view.marks import POSTURES
 from hdplan.planner.view.page_script import LONGEST_TEXT
-from hdplan.planner.view.things import START, Thing, obstacle_of
+from hdplan.planner.view.things import START, Thing
 from hdplan.planner.view.uploads import Uploads
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, read_obstacles, shipped_scenes
 from hdplan.scenes.yaml_format.writer import obstacle_text
-from tests.planner.view.events import heard
-from tests.planner.view.in_browser import Tabs, address, by_worker, calm
+from tests.planner.view.events import BALL, active_of, by_worker, tell
+from tests.planner.view.in_browser import Tabs, calm
 from tests.waiting import until
-
-Opener = Callable[..., Viewer]
-BALL = Thing("obstacle", "ball")
-
-
-@pytest.fixture
-def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
-    return opened(scene, found=trajectory)
-
-
-def tell(viewer: Viewer, **message: object) -> None:
-    heard(viewer.panel.page._field, json.dumps(message), SimpleNamespace(client_id=1))
-    assert viewer.worker.settle(20)
 
 
 def ball_of(viewer: Viewer) -> Any:
-    return obstacle_of(viewer.edited, BALL)
+    return viewer.edited.obstacle(BALL.name)
 
 
 def test_hidden_obstacles_still_count(viewer: Viewer) -> None:
@@ -56,8 +39,7 @@ def test_hidden_obstacles_still_count(viewer: Viewer) -> None:
     node = next(each for each in viewer.stage.obstacles if each.obstacle.name == "ball")
     assert not node.frame.visible
     assert "hidden, still avoided" in viewer.panel.tree.content
-    active = viewer.motions.active
-    assert active is not None
+    active = active_of(viewer)
     at = active.motion.tip[len(active.motion.tip) // 2]
     middle = tuple(at.tolist())
     by_worker(viewer, lambda: viewer.panel.editing.apply("x", lambda e: scene_edits.placed(e, "ball", middle)))
@@ -141,8 +123,7 @@ def test_a_paste_is_a_step_and_takes_other_names(viewer: Viewer) -> None:
         assert "hdplan-view-" not in viewer.panel.editing.text
         assert [each.name for each in viewer.scene.obstacles] == names
     for _ in range(2):
-        viewer.panel.editing.ask("undo")
-        assert viewer.worker.settle(20)
+        by_worker(viewer, lambda: viewer.panel.editing.ask("undo"))
     assert viewer.edited is first
 
 
@@ -151,19 +132,19 @@ def test_turns_are_numbers_and_snap(viewer: Viewer) -> None:
     for _ in range(20):
         degrees = tuple(rng.uniform([-179, -89, -179], [179, 89, 179]).tolist())
         edited = scene_edits.turned(viewer.edited, "prism", degrees)
-        pose = obstacle_of(edited, Thing("obstacle", "prism")).pose
+        pose = edited.obstacle("prism").pose
         np.testing.assert_allclose(scene_edits.turn_of(pose), degrees, atol=1e-6)
         x, y, z = np.radians(degrees)
         about = Rotation.from_rotvec
         expected = about([0, 0, z]) * about([0, y, 0]) * about([x, 0, 0])  # URDF's order
         np.testing.assert_allclose(pose.matrix[:3, :3], expected.as_matrix(), atol=1e-12)
         moved = scene_edits.placed(edited, "prism", tuple(rng.normal(size=3).tolist()))
-        snapped = obstacle_of(scene_edits.snapped(moved, "prism"), Thing("obstacle", "prism")).pose
+        snapped = scene_edits.snapped(moved, "prism").obstacle("prism").pose
         np.testing.assert_allclose(snapped.position, np.round(snapped.position, 2), atol=1e-12)
         turn = np.array(scene_edits.turn_of(snapped)) / scene_edits.SNAP_TURN
         np.testing.assert_allclose(turn, turn.round(), atol=1e-6)
     twice = scene_edits.oriented(viewer.edited, "prism", [0.0, 0.0, 3.0, 3.0])
-    assert scene_edits.turn_of(obstacle_of(twice, Thing("obstacle", "prism")).pose) == pytest.approx((0.0, 0.0, 90.0))
+    assert scene_edits.turn_of(twice.obstacle("prism").pose) == pytest.approx((0.0, 0.0, 90.0))
     for wrong in ([0.0] * 4, [1.0] * 3, [np.nan, 0, 0, 1], [np.inf, 0, 0, 1]):
         with pytest.raises(InputError, match=r"^obstacle prism: quaternion"):
             scene_edits.oriented(viewer.edited, "prism", wrong)
@@ -197,7 +178,7 @@ def test_marks_are_the_motions_and_the_obstacles_own(viewer: Viewer, trajectory:
 
 @pytest.mark.slow
 def test_the_keyboard_copies_pastes_duplicates_and_deletes(tab: Tabs, served: Viewer) -> None:
-    page = tab(address(served))
+    page = tab(served.address())
 
     def names() -> list[str]:
         return [each.name for each in served.scene.obstacles]

@@ -8,7 +8,6 @@ import json
 import math
 import socket
 import time
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -38,20 +37,9 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Sphere
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.planner.view.events import Opener, active_of, by_worker, straight
 from tests.threads import together
 from tests.waiting import until
-
-Opener = Callable[..., Viewer]
-
-
-@pytest.fixture
-def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
-    return opened(scene, found=trajectory)
-
-
-def by_worker(viewer: Viewer, job: Callable[[], None]) -> None:
-    viewer.worker.ask("test", job)
-    assert viewer.worker.settle(20)
 
 
 def planned(viewer: Viewer) -> None:
@@ -195,8 +183,7 @@ def test_an_obstacle_fades_as_it_moves_between_the_eye_and_the_robot(opened: Ope
 def test_layers_come_and_go(viewer: Viewer) -> None:
     viewer.show(0.4)
     for name in ("outer bodies", "collision meshes"):
-        viewer.panel.layers.set(name, True)
-        viewer.worker.settle(20)
+        by_worker(viewer, lambda name=name: viewer.panel.layers.set(name, True))
         nodes = viewer.panel.layers.bodies[name]
         assert nodes.visible
         assert_posed(nodes, viewer.configuration)
@@ -243,11 +230,10 @@ def test_planning_streams_its_motions_and_ends_with_a_verdict(opened: Opener, sc
     assert viewer.motions.active is None
     assert viewer.panel.player.slider.disabled
     planned(viewer)
-    assert viewer.motions.active is not None
-    result = viewer.motions.active.result
+    result = active_of(viewer).result
     assert result is not None
     assert len(viewer.panel.planning.iterates) == result.iterations
-    assert viewer.motions.active.motion.name == NAME
+    assert active_of(viewer).motion.name == NAME
     assert "certified" in viewer.panel.planning.text
     assert not viewer.panel.player.slider.disabled
     viewer.show(0.3)
@@ -305,7 +291,7 @@ def test_an_obstacle_dragged_onto_the_goal_is_reported_in_place_and_refused(view
 
 
 def test_several_motions_stand_side_by_side(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
-    line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
+    line = straight(trajectory)
     viewer = opened(scene, found=trajectory, line=line)
     assert [shown.motion.name for shown in viewer.motions.shown] == ["found", "line"]
     assert [shown.motion.certificate.certified for shown in viewer.motions.shown] == [True, False]
@@ -391,9 +377,8 @@ def test_an_obstacle_dragged_into_the_arm_takes_the_verdict_with_it(
     """From the first move on, and in the file, whether the obstacle was let go or not."""
     viewer = opened(scene)
     planned(viewer)
-    assert viewer.motions.active is not None
     assert assert_true(viewer, tmp_path) == "certified"
-    middle = viewer.motions.active.motion.tip[len(viewer.motions.active.motion.tip) // 2]
+    middle = active_of(viewer).motion.tip[len(active_of(viewer).motion.tip) // 2]
     handles, ball = viewer.panel.handles, next(o for o in scene.obstacles if o.name == "ball")
     handles.choice.value = "obstacle ball"
     viewer.worker.settle(20)
@@ -416,7 +401,7 @@ def test_verdicts_stay_true_in_any_order_of_drags_plans_and_saves(
     still = dataclasses.replace(drifting, obstacles=drifting.obstacles[:1], timing=None)
     statuses: list[str] = []
     moving = dataclasses.replace(drifting, obstacles=drifting.obstacles[1:])
-    for scene, limit in ((still, 6), (moving, 2)):
+    for scene, limit in ((still, 4), (moving, 2)):
         viewer = opened(scene, found=timed)
         planned(viewer)
         handles = viewer.panel.handles
@@ -472,9 +457,9 @@ def test_a_handle_that_is_no_pose_is_one_line(viewer: Viewer) -> None:
         handle = SimpleNamespace(position=position, wxyz=wxyz, remove=lambda: None)
         viewer.panel.handles.choice.value = str(GOAL)
         viewer.worker.settle(20)
-        viewer.panel.handles._handle = handle
+        viewer.panel.handles.grip.node = handle
         before = viewer.scene
-        viewer.panel.handles._dragged(SimpleNamespace(target=handle, phase="update", client_id=1))
+        viewer.panel.handles.grip.moved(SimpleNamespace(target=handle, phase="update", client_id=1))
         assert viewer.worker.settle(20)
         assert "handle: found position" in viewer.panel.verdict
         assert "\n" not in viewer.panel.verdict

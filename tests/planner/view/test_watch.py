@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +17,9 @@ from hdplan.planner.view.watch import Seen, Source, Watch, seen, seen_meshes
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
+from tests.planner.view.events import Opener, active_of, by_worker
 from tests.waiting import until
 
-Opener = Callable[..., Viewer]
 HOOK = shipped_scenes()["panda_vase"].parent / "hook.obj"
 HOOKED = "  - {name: hook, shape: {type: mesh, file: hook.obj}, pose: {position: [0, -3, 0]}}\n"
 
@@ -50,10 +50,8 @@ def viewer(opened: Opener, files: tuple[Path, Path], trajectory: Trajectory) -> 
 def says_the_truth(viewer: Viewer, file: Path) -> None:
     """The verdict on the motion is the one that holds in the file's scene."""
     assert viewer.worker.settle(20)
-    viewer.worker.ask("measure", viewer.document.measure)
-    assert viewer.worker.settle(20)
-    assert viewer.motions.active is not None
-    motion = viewer.motions.active.motion
+    by_worker(viewer, viewer.document.measure)
+    motion = active_of(viewer).motion
     assert motion.scene is viewer.scene
     assert motion.certificate.text == certify(load_scene(file), motion.trajectory).text
 
@@ -78,8 +76,7 @@ def test_a_scene_is_followed_whole_or_not_at_all(viewer: Viewer, files: tuple[Pa
         files[0].write_text(wrong)
         until(lambda words=words: "not done: " in editing.text and words in editing.text, "the panel has no message")
         assert viewer.edited is shown
-        viewer.worker.ask("clear", lambda: editing.say(""))
-        assert viewer.worker.settle(20)
+        by_worker(viewer, lambda: editing.say(""))
     files[0].unlink()
     files[0].with_suffix(".new").write_text(text)
     files[0].with_suffix(".new").rename(files[0])
@@ -163,8 +160,7 @@ def test_a_file_changes_while_something_is_dragged(viewer: Viewer, files: tuple[
 def test_a_motion_is_followed(viewer: Viewer, files: tuple[Path, Path], trajectory: Trajectory) -> None:
     half = trajectory.between(0, 9)
     half.save(files[1])
-    active = viewer.motions.active
-    assert active is not None
+    active = active_of(viewer)
     until(lambda: len(active.motion.trajectory.positions) == 10, "the motion stays")
     says_the_truth(viewer, files[0])
     assert not active.motion.certificate.certified

@@ -15,6 +15,7 @@ from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.words import OUTDATED, SHORT, badge, figures, whats_next
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
+from tests.planner.view.events import straight
 
 
 def shown(edited: Edited, trajectory: Trajectory) -> ShownMotion:
@@ -51,7 +52,7 @@ def test_a_moved_end_is_named(edited: Edited, trajectory: Trajectory) -> None:
 
 
 def test_a_stopped_plan_says_how_far_it_came(edited: Edited, trajectory: Trajectory, scene: Scene) -> None:
-    line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
+    line = straight(trajectory)
     motion = shown(edited, line)
     assert motion.certificate.status is Status.IN_CONTACT
     result = replace(plan(scene), certificate=motion.certificate, requested=edited.scene)
@@ -77,7 +78,7 @@ def test_every_verdict_has_a_short_name() -> None:
 
 def test_the_badge_says_the_verdict_in_a_few_words(edited: Edited, trajectory: Trajectory, scene: Scene) -> None:
     """Nothing without a motion, and no tick where nothing is known."""
-    line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
+    line = straight(trajectory)
     certified, colliding = (ShownMotion.of("", each, edited.certifier) for each in (trajectory, line))
     assert badge(edited, None, False) == ""
     assert certified.certificate.clearance is not None

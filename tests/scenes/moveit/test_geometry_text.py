@@ -177,7 +177,7 @@ def test_a_file_that_was_cut_off_is_refused_wherever(tmp_path: Path, text: str) 
         ("\n.\n", "\n.\n* more\n", "continues after its end"),
     ],
 )
-def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_faults_are_named_with_their_line(tmp_path: Path, old: str, new: str, words: str) -> None:
     message = refusal(tmp_path, NEW.replace(old, new))
     assert re.search(words, message), message
 

@@ -55,7 +55,7 @@ class Body:
     bodies: list[Body] = field(default_factory=list)
 
     def poses(self, q: dict[str, float], above: np.ndarray) -> dict[str, np.ndarray]:
-        """Where it and all below it are in the world."""
+        """Places of the body and of all below it in the world."""
         own = above @ self.place
         for joint in self.joints:
             own = own @ joint.moved(q[joint.name])

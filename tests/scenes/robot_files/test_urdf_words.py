@@ -128,7 +128,7 @@ def test_a_slip_is_named_with_what_was_meant(tmp_path: Path, old: str, new: str,
         tree(tmp_path, text.replace("</link>", "</Link>") if "Link" in new else text)
 
 
-def test_what_is_harmless_is_named_once_or_free_at_top_level(tmp_path: Path) -> None:
+def test_harmless_words_are_noted_once_or_free_at_the_top(tmp_path: Path) -> None:
     top = "<gazebo><u/></gazebo><transmission/><x:thing xmlns:x='urn:x'/><ros2_control/><!-- words --><?pi x?></robot>"
     assert tree(tmp_path, ARM.replace("</robot>", top)) == ()
     assert tree(tmp_path, ARM.replace("</robot>", "\\</robot>")) == ("not part of URDF, ignored: the text '\\'",)
@@ -214,7 +214,7 @@ def test_a_margin_of_a_safety_controller_is_named_and_a_chain_of_followers_has_a
         tree(tmp_path, ARM.replace("</robot>", f"{chain}</robot>"))
 
 
-def test_what_an_srdf_names_and_is_not_there_is_named(tmp_path: Path) -> None:
+def test_unknown_names_of_an_srdf_are_noted(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(ARM)
     robot = read_tree(Source(tmp_path / "arm.urdf"))
     srdf = tmp_path / "arm.srdf"
@@ -245,10 +245,7 @@ def test_what_an_srdf_names_and_is_not_there_is_named(tmp_path: Path) -> None:
         ('<group_state name="s" group="a"><joint name="turn" value="1_0"/></group_state>', "'1_0' is not a number"),
         ('<group_state name="s" group="a"><joint name="turn"/></group_state>', "one number is needed, found no value"),
         ('<group_state name="s"><joint name="turn" value="1 0"/></group_state>', "'turn': one number is .*2 values"),
-        (
-            '<group_state name="s"><joint name="turn"/><joint name="turn"/></group_state>',
-            "'s': joint 'turn' appears 2",
-        ),
+        ('<group_state name="s"><joint name="turn"/><joint name="turn"/></group_state>', "'s': joint 'turn' appears 2"),
         ('<group_state name="s" group="a"/>' * 2, "group_state 's' of group 'a' appears 2 times"),
         ('<group name="a"><joint name="turn"/></group><group name="a"/>', "group 'a' appears 2 times; names must"),
         ("<group><joint name='turn'/></group>", "group: must have the attribute 'name'"),

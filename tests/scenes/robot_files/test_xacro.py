@@ -67,7 +67,7 @@ def test_macros_properties_and_includes_are_read(arm: RobotSpec) -> None:
     assert [Path(file).name for file, *_ in robot.files] == ["arm.urdf.xacro", "sizes.xacro"]
 
 
-def test_what_goes_wrong_in_it_is_reported_in_one_line(arm: RobotSpec, capfd: pytest.CaptureFixture[str]) -> None:
+def test_faults_in_a_xacro_are_reported_in_one_line(arm: RobotSpec, capfd: pytest.CaptureFixture[str]) -> None:
     assert arm.urdf is not None
     for text, message in (
         (ARM.replace("${r}", "${radius}"), "xacro: name 'radius' is not defined"),
@@ -130,7 +130,7 @@ def test_each_checkout_of_a_package_has_its_own_files(tmp_path: Path) -> None:
     assert found == pytest.approx([0.1 * (k % 4 + 1) for k in range(16)])
 
 
-def test_what_a_file_changes_in_the_library_is_gone_with_it(tmp_path: Path) -> None:
+def test_a_file_changes_nothing_in_the_library(tmp_path: Path) -> None:
     spoilt, plain = tmp_path / "spoilt.xacro", tmp_path / "plain.xacro"
     spoilt.write_text(BALL.format(before="<!-- a --> ${math.update(tau=3)}", radius="${math.tau}"))
     plain.write_text(BALL.format(before="", radius="${math.tau}"))

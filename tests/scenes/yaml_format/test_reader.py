@@ -64,7 +64,7 @@ def test_sample_is_read_whole(tmp_path: Path) -> None:
     assert scene.planner == PlannerSettings(waypoints=40, clearance=0.005)
 
 
-def test_what_is_not_given_has_a_default(tmp_path: Path) -> None:
+def test_absent_sections_have_defaults(tmp_path: Path) -> None:
     scene = load_scene(write(tmp_path, SHORT))
     assert scene.robot == RobotSpec(name="panda")
     assert scene.obstacles == ()

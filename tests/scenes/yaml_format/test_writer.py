@@ -16,11 +16,13 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached, Payload
+from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.curve_stages import Along, Circle, Line
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.job import Grip, Job, Move, Release, Set, Wait
 from hdplan.scenes.limits import Limits
-from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
+from hdplan.scenes.obstacles import Obstacle, Seen, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import Follow, PathConstraints, Relative, Upright, Within
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import Pose, from_rpy
@@ -60,7 +62,7 @@ def assert_same(scene: Scene, folder: Path) -> None:
 
 
 def verdicts(scene: Scene, rng: np.random.Generator) -> tuple[object, ...]:
-    """What the certificate says of some motions, and of how close some configurations come."""
+    """Verdicts on some motions, and distances at some configurations."""
     robot = load_scene_robot(scene)
     certifier = Certifier(Setup.of(scene, robot))
     rows = robot.draw(rng, 4)
@@ -162,7 +164,7 @@ def test_names_of_all_kinds_read_back_the_same(name: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("name", NO_NAMES)
-def test_what_no_file_can_hold_as_a_name_is_refused(name: str, tmp_path: Path) -> None:
+def test_names_that_no_file_can_hold_are_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(InputError):
         back(replace(load_scene("empty"), obstacles=(Obstacle(name, Sphere(0.1)),)), tmp_path)
 
@@ -207,12 +209,13 @@ class Maker:
     def __init__(self, seed: int) -> None:
         self.rng = np.random.default_rng(seed)
         self.count = 0
+        self.first = self.name()  # of the obstacles
 
     def name(self) -> str:
         self.count += 1
         return f"{HOSTILE[int(self.rng.integers(len(HOSTILE)))]}{self.count}"
 
-    def number(self, low: float = 1e-6, high: float = 10.0) -> float:
+    def number(self, low: float = 1e-9, high: float = 1e4) -> float:
         return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
 
     def vector(self) -> tuple[float, float, float]:
@@ -231,16 +234,21 @@ class Maker:
         kinds += [Ellipsoid((a, b, c)), Mesh(HOOK, (a, b, c))]
         return kinds[int(self.rng.integers(len(kinds)))]
 
+    def cloud(self) -> Cloud:
+        ignored = (Ignored(float(self.rng.random()), link=self.name()), Ignored(0.0, obstacle=self.first))
+        points = self.rng.normal(scale=self.number(), size=(3, 3))
+        return Cloud(points, self.number(high=1.0), self.maybe(0.1, None), True, 0.1, ignored[: self.rng.integers(3)])
+
     def maybe(self, value: Any, otherwise: Any) -> Any:
         return value if self.rng.random() < 0.6 else otherwise
 
     def obstacle(self) -> Obstacle:
         """An obstacle that moves or stands, perhaps not quite at its nominal place."""
-        unknown = Uncertainty(self.number(high=1.0), self.number(high=3.0), self.number())
+        unknown = Uncertainty(self.number(high=1.0), self.number(high=3.0), self.number(high=100.0))
         return replace(self.known(), uncertainty=self.maybe(unknown, None))
 
     def known(self) -> Obstacle:
-        shape, clearance = self.shape(), self.maybe(float(self.rng.uniform()), None)
+        shape, clearance = self.maybe(self.shape(), self.cloud()), self.maybe(float(self.rng.uniform()), None)
         match int(self.rng.integers(3)):
             case 0:
                 return Obstacle(self.name(), shape, self.pose(), clearance)
@@ -325,7 +333,7 @@ class Maker:
         free = ("none", "x", "y", "z")[int(self.rng.integers(4))]
         ends = self.maybe(self.number(high=1.0), None), self.maybe(None, self.number(high=1.0))
         follow = Follow(self.name(), near, self.number(high=1.0), self.number(high=3.0), free, *rates, *ends)
-        timing = Timing(self.number(0.1), rate=float(self.rng.uniform(1, 1000)))
+        timing = Timing(self.number(0.1, 10.0), rate=float(self.rng.uniform(1, 1000)))
         settings = PlannerSettings(
             17, self.number(high=1.0), self.number(high=1.0), 5, 1e-5, "fcl", "box", True, "faces", 7, "energy"
         )
@@ -344,7 +352,9 @@ class Maker:
             name="random",
             source=Path("random.yaml"),
             robot=spec,
-            obstacles=tuple(self.obstacle() for _ in range(5)),
+            obstacles=tuple(
+                replace(self.obstacle(), name=name) for name in (self.first, *(self.name() for _ in range(4)))
+            ),
             start=self.end("start"),
             goal=self.goal(),
             planner=self.maybe(settings, PlannerSettings()),
@@ -380,12 +390,12 @@ def with_a_job() -> Scene:
 
 
 def test_random_scenes_of_every_field_read_back_the_same(tmp_path: Path) -> None:
-    """And every field counts: a scene in which it differs is another scene, and written otherwise."""
+    """Every field counts: a scene in which it differs is another scene, and written otherwise."""
     seen: dict[type, set[str]] = {}
     kinds = set()
 
     def look(value: Any) -> None:
-        if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        if dataclasses.is_dataclass(value) and not isinstance(value, type | FixedArray):
             kinds.add(type(value))
             for each in dataclasses.fields(value):
                 item = getattr(value, each.name)
@@ -406,7 +416,7 @@ def test_random_scenes_of_every_field_read_back_the_same(tmp_path: Path) -> None
     look(whole)
     aside = {"source", "notes", "field", "scale", "kind"}  # of the file; timing.scale stands for a duration, below
     for kind in kinds:
-        placed = {"name", "pose"} if issubclass(kind, Shape) else set()  # which the scene gives to the obstacle
+        placed = {"name", "pose"} if issubclass(kind, Shape | Seen) else set()  # which the scene gives to the obstacle
         assert {each.name for each in dataclasses.fields(kind)} - seen[kind] <= aside | placed, kind
     slow = replace(load_scene("empty"), timing=Timing(scale=0.3, rate=50.0), limits=Limits(acceleration=2.0))
     assert_same(slow, tmp_path)
@@ -421,7 +431,7 @@ def test_numbers_of_other_kinds_are_written_as_what_they_are(tmp_path: Path) -> 
 
 
 def test_a_mesh_behind_a_link_keeps_its_name(tmp_path: Path) -> None:
-    """What a link points to may say nothing of the kind of file."""
+    """The target of a link may have a name without an ending."""
     (tmp_path / "blob").write_bytes(HOOK.read_bytes())
     (tmp_path / "hook.obj").symlink_to(tmp_path / "blob")
     scene = load_scene("empty")
