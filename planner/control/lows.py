@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import C, Record, twin_of
 from hdplan.planner.collision.close_pairs import LEAST_SEPARATION
 from hdplan.planner.control.barrier_safety import straightened
 from hdplan.planner.control.moment import NO_ROWS, BarrierRows, Moment
@@ -64,13 +64,12 @@ class Lows(NamedTuple):
 
 def lows_near(moment: Moment, needed: Sequence[float], shaping: Shaping | None, floors: Floors) -> Lows:
     """Return the lows of Δ among the pairs that may have a D̃ below `needed` [m] (`Moment.doubtful`)."""
-    loops = library()
-    if loops is None or not _looped(moment):
+    if not _looped(moment):
         return _lows_of(moment.rows, *moment.doubtful(needed), shaping, floors)
     found = _Found(moment, shaping, floors)
     for first, level in moment.layout.levels:
         near = level.near(needed[0 if first < moment.layout.outer else 1]).tables.struct
-        found.look(loops.lows_near, level.barrier, near, first, LEAST_SEPARATION)
+        found.look(C.lows_near, level.barrier, near, first, LEAST_SEPARATION)
     return found.lows
 
 
@@ -81,26 +80,27 @@ def _looped(moment: Moment) -> bool:
 
 def lows_among(moment: Moment, samples: Rows, pairs: Rows, shaping: Shaping | None, floors: Floors) -> Lows:
     """Return the lows of Δ of pairs (k,) among samples."""
-    loops = library()
-    if loops is None or not _looped(moment):
+    if not _looped(moment):
         return _lows_of(moment.rows, *_crossed(samples, pairs), shaping, floors)
     found = _Found(moment, shaping, floors)
     for level, own, inner in moment.layout.parted(pairs):
-        found.look(loops.lows_among, level.barrier, samples, pairs[own], inner)
+        found.look(C.lows_among, level.barrier, samples, pairs[own], inner)
     return found.lows
 
 
-def lows_of_hulls(moment: Moment, samples: Rows, pairs: Rows, floors: Floors) -> Lows:
-    """Return the lows of the exact distance of the links' hulls in pairs (k,) among samples."""
+def _hulls_in_c(moment: Moment, samples: Rows, pairs: Rows, floors: Floors) -> Lows:
     if not moment.layout.exact:
         pairs = NO_ROWS
-    loops = library()
-    if loops is None:
-        return _lows_of(moment.nearness, *_crossed(samples, pairs), None, floors)
     found = _Found(moment, None, floors)
     for level, own, inner in moment.layout.parted(pairs):
-        found.look(loops.lows_among, level.hulls.barrier, samples, pairs[own], level.hulls.row[inner])
+        found.look(C.lows_among, level.hulls.barrier, samples, pairs[own], level.hulls.row[inner])
     return found.lows
+
+
+@twin_of(_hulls_in_c)
+def lows_of_hulls(moment: Moment, samples: Rows, pairs: Rows, floors: Floors) -> Lows:
+    """Return the lows of the exact distance of the links' hulls in pairs (k,) among samples."""
+    return _lows_of(moment.nearness, *_crossed(samples, pairs), None, floors)
 
 
 def _crossed(samples: Rows, pairs: Rows) -> tuple[Rows, Rows]:

@@ -7,25 +7,24 @@ import threading
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan import control
+from hdplan.scenes.array_types import Array
 from tests.planner.replanning.driving import AtOnce, limited
 
 from .rooms import FakeArm
 
-Floats = NDArray[np.float64]
 STEP = 0.004  # [s] of the arm that a step takes, mostly
 
 
 class Clocked(FakeArm):
     """An arm whose clock advances with each reading, or stands still."""
 
-    def __init__(self, names: tuple[str, ...], at: Floats) -> None:
+    def __init__(self, names: tuple[str, ...], at: Array) -> None:
         super().__init__(names, at, 0.002)
         self.due, self.goes_on, self.ticks = 0.0, False, threading.Condition()
-        self.sent: list[tuple[float, Floats, Floats]] = []
+        self.sent: list[tuple[float, Array, Array]] = []
 
     def time(self) -> float:
         if self.goes_on:
@@ -34,7 +33,7 @@ class Clocked(FakeArm):
                 self.ticks.notify_all()
         return self.now
 
-    def send(self, position: Floats, velocity: Floats) -> None:
+    def send(self, position: Array, velocity: Array) -> None:
         self.sent.append((self.now, position.copy(), velocity.copy()))
         before = self.now
         super().send(position, velocity)

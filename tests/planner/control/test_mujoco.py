@@ -11,7 +11,6 @@ from xml.etree import ElementTree as xml
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan import InputError, Trajectory, control
@@ -20,6 +19,7 @@ from hdplan.planner.control.mujoco_model import mujoco_xml
 from hdplan.planner.control.simulation import replay
 from hdplan.planner.robot.loads import carrying
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from tests.extras import mujoco, needs
 from tests.planner.replanning.driving import AtOnce
 
@@ -27,7 +27,6 @@ from .rooms import FakeArm
 
 pytestmark = needs("mujoco")
 
-Floats = NDArray[np.float64]
 LIMITS = hdplan.Limits(velocity="urdf", acceleration=7.5, jerk=500)
 
 
@@ -152,11 +151,11 @@ def test_a_model_file_executes_and_is_held_against_the_robot(
 class Faulty(FakeArm):
     """An arm with which something is wrong after a while."""
 
-    def __init__(self, names: tuple[str, ...], at: Floats, fault: float | BaseException, after: int = 20) -> None:
+    def __init__(self, names: tuple[str, ...], at: Array, fault: float | BaseException, after: int = 20) -> None:
         super().__init__(names, at, 0.01)
         self.fault, self.left = fault, after
 
-    def send(self, position: Floats, velocity: Floats) -> None:
+    def send(self, position: Array, velocity: Array) -> None:
         super().send(position, velocity)
         self.left -= 1
         if self.left <= 0:
