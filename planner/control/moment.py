@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import C, twin_of
 from hdplan.planner.control.pair_level import PairLevel
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.robot.robot import Robot
@@ -106,13 +106,7 @@ class Moment(NamedTuple):
 
     def by_joints(self, sample: Rows, pair: Rows, wrench: Array) -> Array:
         """Return the derivatives (S, n) by the configuration, of wrenches (S, 6) on the first bodies."""
-        columns, moves = self.kinematics.columns, self.layout.moves
-        if loops := library():
-            gradient = np.empty((len(pair), len(moves.T)))
-            loops.by_joints(columns, moves, np.ascontiguousarray(sample), np.ascontiguousarray(pair), wrench, gradient)
-        else:
-            gradient = np.einsum("sni,si->sn", columns[sample], wrench) * moves[pair]
-        return self.layout.robot.fold(gradient)
+        return self.layout.robot.fold(_by_joints(self.kinematics.columns, self.layout.moves, sample, pair, wrench))
 
     def _drift(self, sample: Rows, pair: Rows, wrench: Array) -> Array:
         """Return ∂Δ/∂t (S,) [m/s]."""
@@ -122,3 +116,15 @@ class Moment(NamedTuple):
             twists = self.twists[sample[carried], self.layout.joint_b[pair[carried]] - self.layout.joints]
             drift[carried] = -np.einsum("si,si->s", wrench[carried], twists)
         return drift
+
+
+def _in_c(columns: Array, moves: Array, sample: Rows, pair: Rows, wrench: Array) -> Array:
+    gradient = np.empty((len(pair), len(moves.T)))
+    C.by_joints(columns, moves, np.ascontiguousarray(sample), np.ascontiguousarray(pair), wrench, gradient)
+    return gradient
+
+
+@twin_of(_in_c)
+def _by_joints(columns: Array, moves: Array, sample: Rows, pair: Rows, wrench: Array) -> Array:
+    """Derivatives (S, n) by all joints of the model."""
+    return np.asarray(np.einsum("sni,si->sn", columns[sample], wrench) * moves[pair])

@@ -39,8 +39,6 @@ Placed = ObstacleMotion | Span  # where a body is at a time
 class MovingClearance(Clearance):
     """Clearance from moving obstacles at the times of the samples."""
 
-    loop = None  # its obstacles are placed first
-
     def __init__(
         self,
         pairs: BodyPairs,

@@ -204,7 +204,7 @@ def test_separation_is_the_plain_form_and_never_more_than_the_distance(pair, ran
 @pytest.mark.core
 @pytest.mark.parametrize("gamma", [1, 2, 4])
 def test_wrench_is_the_derivative(bodies, random_poses, gamma: int) -> None:
-    """By central differences of D along motions of A; along the same motions of B it is minus that."""
+    """Central differences of D along motions of A; along the same motions of B the opposite."""
     length, names = 0.1, ("box", "capsule", "swept octahedron", "sphere", "triangle")  # wide: D smooth at every pose
     step = 1e-5 * length
     for number, name in enumerate(names):

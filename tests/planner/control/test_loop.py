@@ -7,24 +7,23 @@ import threading
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan import control
+from hdplan.scenes.array_types import Array
 from tests.planner.replanning.driving import AtOnce, limited
 
-Floats = NDArray[np.float64]
 STEP = 0.004  # [s] of the arm that a step takes, mostly
 
 
 class Clocked:
     """An arm that goes where it is sent, and whose clock advances with each reading, or stands still."""
 
-    def __init__(self, names: tuple[str, ...], at: Floats) -> None:
+    def __init__(self, names: tuple[str, ...], at: Array) -> None:
         self.joint_names, self.period, self.now, self.due = names, 0.002, 0.0, 0.0
         self.q, self.v, self.goes_on = at.copy(), np.zeros_like(at), False
         self.stopped, self.ticks = False, threading.Condition()
-        self.sent: list[tuple[float, Floats, Floats]] = []
+        self.sent: list[tuple[float, Array, Array]] = []
 
     def time(self) -> float:
         if self.goes_on:
@@ -33,10 +32,10 @@ class Clocked:
                 self.ticks.notify_all()
         return self.now
 
-    def state(self) -> tuple[Floats, Floats]:
+    def state(self) -> tuple[Array, Array]:
         return self.q, self.v
 
-    def send(self, position: Floats, velocity: Floats) -> None:
+    def send(self, position: Array, velocity: Array) -> None:
         self.sent.append((self.now, position.copy(), velocity.copy()))
         self.due += self.period
         self.now = max(self.now, self.due)

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.control import barrier_safety, braking, lows, moment
 from hdplan.planner.control.barrier_safety import straightened
 from hdplan.planner.control.barrier_settings import BarrierSettings
@@ -30,19 +29,20 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Ellipsoid
 from hdplan.scenes.targets import JointTarget
+from tests.loops import in_numpy, needs_loops
 
 from ..linkage import linkage_urdf
 from .test_braking import READY
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 EUCLIDEAN = ControlSettings(BarrierSettings("euclidean", growth=0.0, self_growth=0.0), 0.01, 0.005)
 
 
 @contextmanager
 def twins() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        for module in (barrier_safety, braking, lows, moment):
-            patch.setattr(module, "library", lambda: None)
+        in_numpy(patch, barrier_safety, braking, lows, moment)
+        patch.setattr(lows, "_barriers", lambda _: None)
         yield
 
 

@@ -11,7 +11,6 @@ from xml.etree import ElementTree as xml
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan import control
@@ -21,12 +20,12 @@ from hdplan.planner.control.simulation import replay
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.loads import carrying
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from tests.planner.replanning.driving import AtOnce
 
 mujoco = pytest.importorskip("mujoco")
 
-Floats = NDArray[np.float64]
 LIMITS = hdplan.Limits(velocity="urdf", acceleration=7.5, jerk=500)
 
 
@@ -151,17 +150,17 @@ def test_a_model_file_executes_and_is_held_against_the_robot(
 class Faulty:
     """An arm that goes where it is sent, until something is wrong with it."""
 
-    def __init__(self, names: tuple[str, ...], at: Floats, fault: float | BaseException, after: int = 20) -> None:
+    def __init__(self, names: tuple[str, ...], at: Array, fault: float | BaseException, after: int = 20) -> None:
         self.joint_names, self.period, self.fault, self.left = names, 0.01, fault, after
         self.q, self.v, self.now, self.stopped = at.copy(), np.zeros_like(at), 0.0, False
 
     def time(self) -> float:
         return self.now
 
-    def state(self) -> tuple[Floats, Floats]:
+    def state(self) -> tuple[Array, Array]:
         return self.q, self.v
 
-    def send(self, position: Floats, velocity: Floats) -> None:
+    def send(self, position: Array, velocity: Array) -> None:
         assert not self.stopped
         self.q, self.v, self.now, self.left = position.copy(), velocity, self.now + self.period, self.left - 1
         if self.left <= 0:

@@ -9,7 +9,6 @@ from types import MappingProxyType
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate import certifier
 from hdplan.planner.certificate.torque_check import check_torques
@@ -20,6 +19,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.attached import Payload
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
@@ -30,9 +30,6 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Sphere
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
-
-Floats = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes" / "shipped"
 UPRIGHT = Pose((0, 0, 1), (0.7071067811865476, 0, 0, 0.7071067811865476))  # the planar arm in a vertical plane
@@ -46,7 +43,7 @@ def _scene(robot: RobotSpec = PANDA, **changes: object) -> Scene:
     return replace(Scene("test", Path("test.yaml"), robot, (), joints, joints), **changes)
 
 
-def _motion(robot: Robot, start: Floats, goal: Floats, duration: float) -> Trajectory:
+def _motion(robot: Robot, start: Array, goal: Array, duration: float) -> Trajectory:
     """From rest to rest by the law of minimum jerk, a hundred rows a second."""
     times = np.linspace(0, duration, round(100 * duration) + 1)
     s, way = times / duration, goal - start
@@ -199,7 +196,7 @@ def test_another_limit_is_shown_and_judged_as_its_check_has_it(monkeypatch: pyte
     class Turned:
         limits = MappingProxyType({"turn": np.full(7, 0.3)})
 
-        def values(self, quantity: str, curve: Curve, interval: Index, fraction: Floats) -> Floats:
+        def values(self, quantity: str, curve: Curve, interval: Rows, fraction: Array) -> Array:
             assert quantity == "turn"
             return curve.at(interval, fraction)
 

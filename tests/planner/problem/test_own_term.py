@@ -97,7 +97,7 @@ def test_plans_keep_them(polish: int) -> None:
     assert not [note for note in own.notes if note.startswith("term")]
 
 
-def test_what_cannot_be_kept_is_reported() -> None:
+def test_a_constraint_that_cannot_be_kept_is_reported() -> None:
     """No motion is at two places at once: it is not passed off as found."""
     never = hdplan.OwnTerm("never", lambda q, step: ca.sumsqr(q), "constraint", 1e3, 1e4)
     result = hdplan.plan(load_scene("planar_arm"), terms=[never], time_limit=0.5)

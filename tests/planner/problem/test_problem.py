@@ -417,7 +417,7 @@ SIMPLEX = Points(((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)))
 
 @pytest.mark.parametrize("shape", [Sphere(0.1), Cylinder(0.1, 0.2), SIMPLEX])
 def test_another_obstacle_compiles_nothing(monkeypatch: pytest.MonkeyPatch, shape: Shape) -> None:
-    """Of any shape, anywhere: within reach of every link, or of the last one only."""
+    """Obstacles of any shape, anywhere: within reach of every link, or of the last one only."""
     scene = load_scene("panda_corridor")
     one = dataclasses.replace(scene, obstacles=(Obstacle("far", Box((0.1, 0.1, 0.1)), Pose((0.0, 0.0, 1.25))),))
     build(one)

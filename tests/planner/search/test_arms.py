@@ -7,9 +7,7 @@ import functools
 import itertools
 
 import numpy as np
-import pytest
 
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
@@ -22,8 +20,9 @@ from hdplan.planner.search.tree_ways import tree_ways
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.loops import needs_loops
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 
 @functools.cache

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
@@ -25,12 +24,13 @@ from hdplan.planner.solvers.solution import Budget, Solution, Solver, SolverStat
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.loops import needs_loops
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
 from constrained import request
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 REQUESTS = (("upright", 0), ("upright", 1), ("position", 9), ("position", 5))  # Panda, UR5; paths, and timed
 

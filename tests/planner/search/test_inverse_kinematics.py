@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.kinematics import inverse
 from hdplan.planner.robot.loading import load_robot
@@ -23,6 +22,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.targets import AllOf, PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.loops import in_numpy, needs_loops
 
 ROBOTS = ("panda", "ur5", "z1", "double_pendulum_continuous")
 SAME = 1e-6  # [rad] between configurations after some forty steps that each round a little differently
@@ -42,7 +42,7 @@ def pose_of(robot: Robot, link: str, q: np.ndarray) -> Pose:
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 @pytest.mark.parametrize("name", ROBOTS)
 def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = load_robot(RobotSpec(name=name))
@@ -61,8 +61,7 @@ def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.Mon
         for goal in (target, both):
             found, missed = reaching(robot, goal, start, np.random.default_rng(number))
             with monkeypatch.context() as patch:
-                for module in (inverse, search):
-                    patch.setattr(module, "library", lambda: None)
+                in_numpy(patch, inverse, search)
                 expected, missed_too = reaching(robot, goal, start, np.random.default_rng(number))
             assert len(found) == len(expected) > 0
             np.testing.assert_allclose(found, expected, atol=SAME, rtol=0)
@@ -72,7 +71,7 @@ def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.Mon
             assert all(np.abs(a - b).max() > LEAST_DIFFERENCE for a, b in itertools.combinations(found, 2))
 
 
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 def test_in_c_and_in_numpy_the_same_rows_differ(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whole turns aside for joints that circle, also where rows are a hair more or less than LEAST_DIFFERENCE."""
     rng = np.random.default_rng(8)
@@ -81,7 +80,7 @@ def test_in_c_and_in_numpy_the_same_rows_differ(monkeypatch: pytest.MonkeyPatch)
         for circling in (None, rng.random(n) < 0.5):
             found = search._distinct(q, q[0], circling)
             with monkeypatch.context() as patch:
-                patch.setattr(search, "library", lambda: None)
+                in_numpy(patch, search)
                 expected = search._distinct(q, q[0], circling)
             assert found.tobytes() == expected.tobytes()
             assert 1 <= len(found) < 60
@@ -92,7 +91,7 @@ def test_in_c_and_in_numpy_the_same_rows_differ(monkeypatch: pytest.MonkeyPatch)
 def test_out_of_reach_nothing_is_found_and_the_miss_is_true(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = load_robot(RobotSpec(name="ur5"))
     if not compiled:
-        monkeypatch.setattr(inverse, "library", lambda: None)
+        in_numpy(monkeypatch, inverse)
     target = PoseTarget("tool0", Pose((2.0, 0.0, 0.0)))
     found, (miss,) = reaching(robot, target, np.zeros(6), np.random.default_rng(0))
     assert found.shape == (0, 6)

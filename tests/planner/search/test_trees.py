@@ -9,7 +9,7 @@ import itertools
 import numpy as np
 import pytest
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import Record
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
@@ -22,8 +22,9 @@ from hdplan.planner.search.free_space import free_part, free_space, is_free
 from hdplan.planner.search.tree_ways import tree_ways
 from hdplan.planner.search.trees import Trees
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.loops import needs_loops
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 SCENES = ("panda_cage", "panda_carry", "tiago_shelf")  # among bars, with a held object, with a joint that slides
 

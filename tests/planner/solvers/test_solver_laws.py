@@ -208,7 +208,7 @@ every_term = pytest.mark.parametrize(
     ],
 )
 def test_the_gradient_is_that_of_the_cost(name: str, distance: str, tolerance: float) -> None:
-    """At a weight at which smoothness and penalty weigh about the same. The exact distance has kinks; a random motion
+    """Smoothness and penalty weigh about the same. The exact distance has kinks; a random motion
     misses them."""
     scene = shipped(name, 4)
     problem = build(dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, distance=distance)))
@@ -415,7 +415,7 @@ def test_a_mirrored_scene_gives_the_mirrored_motion(symmetric_arm: Scene, solver
 
 @arms_and_solvers
 def test_the_way_back_is_the_way_there(name: str, solver: str) -> None:
-    """From the straight line, and from a guess that is reversed as well."""
+    """The straight line as guess, and one that is reversed as well."""
     scene = shipped(name)
     problem = build(scene)
     back = between(scene, problem.goal, problem.start)
@@ -471,7 +471,7 @@ def test_standing_still_in_contact_costs_the_same_however_often_it_is_looked_at(
 @pytest.mark.parametrize("name", ["empty", "ur5_table"])
 @every_solver
 def test_an_empty_scene_is_solved_by_the_straight_line(name: str, solver: str) -> None:
-    """From any guess."""
+    """Any guess will do."""
     scene = dataclasses.replace(shipped(name), obstacles=())
     problem = build(ignoring(scene))  # a wild guess may leave links on the wrong side of each other
     for words, guess in {"line": line(problem), **wild_guesses(problem, 20)}.items():
@@ -516,7 +516,7 @@ def test_a_plan_does_not_see_what_is_far_away(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["panda_corridor", "ur5_table"])
-def test_what_the_arm_could_reach_but_never_nears_changes_nothing(name: str) -> None:
+def test_obstacles_in_reach_but_never_near_change_nothing(name: str) -> None:
     """Such bodies are in the problem's tables; the motion is the same but for the order of sums."""
     scene = shipped(name)
     under, above = Obstacle("under", Box((0.5, 0.5, 0.1)), Pose((0, 0, -0.4))), Obstacle("above", Sphere(0.1))
@@ -564,7 +564,7 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process() -> None:
 
 
 def test_an_earlier_plan_leaves_no_trace() -> None:
-    """What a process keeps of a robot is the same for every scene."""
+    """A process keeps the same of a robot for every scene."""
     scene = shipped("panda_corridor")
     first = hdplan.plan(scene)
     hdplan.plan(shipped("panda_cage"), time_limit=1.0)

@@ -72,7 +72,7 @@ def run(problem: Problem, solver: str, guess: Array | None = None, **budget: obj
 
 @every_solver
 def test_ends_stay_and_limits_hold(problem: Problem, solver: str) -> None:
-    """From guesses that break both, after few and many steps."""
+    """Guesses that break both, after few and many steps."""
     for iterations in (0, 1, 3, SAMPLED[solver]):
         found = run(problem, solver, wild(problem, 4.0), iterations=iterations).trajectory.positions
         np.testing.assert_array_equal(found[[0, -1]], [problem.start, problem.goal])
@@ -103,7 +103,7 @@ def test_without_penalty_the_minimum_is_the_straight_line(free: Problem, solver:
 
 @every_solver
 def test_cost_falls(problem: Problem, solver: str) -> None:
-    """At every step under one weight, and over the whole."""
+    """Every step under one weight, and the whole."""
     solution = run(problem, solver)
     steps = solution.steps
     assert solution.iterations == len(steps) > 0

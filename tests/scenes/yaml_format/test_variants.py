@@ -75,7 +75,7 @@ def test_names_may_hold_dots(tmp_path: Path) -> None:
         ({"goal.joints": 3}, ["goal.joints"]),
     ],
 )
-def test_what_does_not_fit_is_refused_in_one_line(fields: dict[str, object], words: list[str]) -> None:
+def test_problems_that_do_not_fit_are_refused_in_one_line(fields: dict[str, object], words: list[str]) -> None:
     with pytest.raises(InputError) as caught:
         load_variant(ARM, fields, "v")
     assert "\n" not in str(caught.value)
