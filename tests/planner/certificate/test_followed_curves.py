@@ -25,6 +25,7 @@ from tests.loops import in_numpy, needs_loops
 
 LIMITS = hdplan.Limits(velocity=50.0, acceleration=1e5)
 TOOLS = {"panda": "panda_hand_tcp", "wheeled": "panda_hand_tcp", "ur5": "ee_link"}
+ANYWHERE = [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]  # of a robot alone
 READY = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.7])  # of a Panda
 
 
@@ -103,8 +104,7 @@ def test_bounds_hold_within_parts(name: str, free: str) -> None:
 @pytest.mark.parametrize("name", TOOLS)
 def test_rates_are_those_of_the_tool(name: str) -> None:
     rng = np.random.default_rng([5, len(name)])
-    poses = [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]
-    setup = setup_of(name, poses, speed=1.0, acceleration=1.0)
+    setup = setup_of(name, ANYWHERE, speed=1.0, acceleration=1.0)
     check = PathCheck(setup, Chain.of(setup.robot.unfolded.model))
     motion = random_motion(rng, setup.robot.n)
     assert motion.times is not None
@@ -127,10 +127,15 @@ def along(robot: hdplan.Robot, rng: Any, count: int = 41) -> tuple[Any, Any]:
     return rows, share
 
 
-def certified(setup: Setup, rows: Any, times: Any) -> hdplan.Certificate:
+def rated(rows: Any, times: Any) -> tuple[Any, Any, Any, Any]:
+    """The rows of a motion at rest at both ends: positions, times, velocities by differences, no accelerations."""
     speeds = np.gradient(rows, times, axis=0)
     speeds[[0, -1]] = 0.0
-    motion = Trajectory(setup.robot.joint_names, rows, setup.robot.locked, times, speeds, np.zeros_like(rows))
+    return rows, times, speeds, np.zeros_like(rows)
+
+
+def certified(setup: Setup, rows: Any, times: Any) -> hdplan.Certificate:
+    motion = Trajectory(setup.robot.joint_names, rows, setup.robot.locked, *rated(rows, times)[1:])
     return Certifier(setup).certify(motion, check_ends=False)
 
 
@@ -138,7 +143,7 @@ def test_only_a_motion_that_follows_is_certified() -> None:
     """The same curve there, backwards, back and forth, left out in the middle, only half, off it in one row, turned in
     one row: only the first follows."""
     rng = np.random.default_rng(8)
-    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    robot = setup_of("panda", ANYWHERE).robot
     rows, _ = along(robot, rng)
     dense = np.array([np.interp(np.linspace(0, 40, 401), np.arange(41), column) for column in rows.T]).T
     poses = poses_of(*tool_poses(robot, dense, TOOLS["panda"]))
@@ -161,7 +166,7 @@ def test_only_a_motion_that_follows_is_certified() -> None:
 
 
 def test_a_closed_curve_is_not_followed_by_standing_still() -> None:
-    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    robot = setup_of("panda", ANYWHERE).robot
     q = READY
     (place,), (turn,) = tool_poses(robot, q[None], TOOLS["panda"])
     ring = [place + [0.05 * np.sin(a), 0.05 * (1 - np.cos(a)), 0.0] for a in np.linspace(0, 2 * np.pi, 101)]
@@ -179,7 +184,7 @@ def test_certified_means_near_the_curve_all_along(seed: int) -> None:
     that never go back, by a search of its own (the discrete Fréchet distance)."""
     rng = np.random.default_rng([seed, 77])
     free = ["none", "z"][seed % 2]
-    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    robot = setup_of("panda", ANYWHERE).robot
     rows, _ = along(robot, rng)
     places, turns = tool_poses(robot, rows, TOOLS["panda"])
     far, angle = 3e-3, 0.03
@@ -195,9 +200,7 @@ def test_certified_means_near_the_curve_all_along(seed: int) -> None:
         verdicts.append(found.certified)
         if not found.certified:
             continue
-        speeds = np.gradient(moved, times, axis=0)
-        speeds[[0, -1]] = 0.0
-        curve = Curve.through(moved, times, speeds, np.zeros_like(moved))
+        curve = Curve.through(*rated(moved, times))
         at, turned = tool_poses(robot, curve.at_time(np.linspace(0.0, 8.0, 1001)), TOOLS["panda"])
         near = np.linalg.norm(at[:, None] - line[None], axis=2) <= far + 1e-5
         if free == "none":
@@ -216,7 +219,7 @@ def test_certified_means_near_the_curve_all_along(seed: int) -> None:
 
 
 def test_a_free_axis_leaves_that_turn_and_no_other() -> None:
-    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    robot = setup_of("panda", ANYWHERE).robot
     q = READY
     rows = np.tile(q, (31, 1))
     rows[:, 6] += np.linspace(0.0, 1.5, 31)  # about the hand's z axis, through the tool
@@ -229,14 +232,12 @@ def test_a_free_axis_leaves_that_turn_and_no_other() -> None:
 
 def test_speeds_of_a_tool_are_kept_or_refused() -> None:
     rng = np.random.default_rng(12)
-    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    robot = setup_of("panda", ANYWHERE).robot
     rows, _ = along(robot, rng)
     poses = poses_of(*tool_poses(robot, rows, TOOLS["panda"]))
     times = np.linspace(0.0, 8.0, len(rows))
     loose = {"position_tolerance": 0.05, "orientation_tolerance": 0.5}
-    speeds = np.gradient(rows, times, axis=0)
-    speeds[[0, -1]] = 0.0
-    curve = Curve.through(rows, times, speeds, np.zeros_like(rows))
+    curve = Curve.through(*rated(rows, times))
     clock = np.linspace(0.0, 8.0, 20001)
     places, _ = tool_poses(robot, curve.at_time(clock), TOOLS["panda"])
     v = np.gradient(places, clock, axis=0)
@@ -263,7 +264,7 @@ def test_a_way_beyond_the_radius_between_two_looks_has_its_speed_limited() -> No
     )
     assert looks.max() < 0.05
     assert fine.max() > 0.06
-    robot = setup_of("wheeled", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    robot = setup_of("wheeled", ANYWHERE).robot
     dense = motion.at_time(np.concatenate([np.linspace(0.0, 0.3, 601), np.linspace(0.3, 2.3, 41)[1:]]))
     poses = poses_of(*tool_poses(robot, dense, TOOLS["wheeled"]))
     setup = setup_of("wheeled", poses, position_tolerance=0.04, begin_tolerance=0.05, speed=0.2)
@@ -275,7 +276,7 @@ def test_a_way_beyond_the_radius_between_two_looks_has_its_speed_limited() -> No
 
 
 def test_bad_curves_are_refused() -> None:
-    one, half = hdplan.Pose([0, 0, 0]), hdplan.Pose.from_rpy([0, 0, 0], [3.1, 0, 0])
+    one, half = ANYWHERE[0], hdplan.Pose.from_rpy([0, 0, 0], [3.1, 0, 0])
     for poses, words in (
         ([one], "must be 2 to 20000 poses, found 1"),
         ([one, half], "turns by 3.1 rad from the pose before"),
@@ -283,7 +284,7 @@ def test_bad_curves_are_refused() -> None:
     ):
         with pytest.raises(InputError, match=words):
             hdplan.Follow("tool", poses)
-    setup = setup_of("panda", [one, hdplan.Pose([1, 0, 0])], speed=0.1)
+    setup = setup_of("panda", ANYWHERE, speed=0.1)
     slow = setup.changed(limits=hdplan.Limits(velocity=1.0))
     with pytest.raises(InputError, match=r"need limits\.acceleration"):
         Certifier(slow)
@@ -325,7 +326,7 @@ def test_few_nodes_prove_what_many_do_and_more_are_taken_where_they_do_not() -> 
     """A tool that wheels bring along a line from rest to rest, in one interval, is not where it would be evenly."""
     begins = np.concatenate([np.zeros(3), READY])
     rows = np.stack([begins, begins + 0.2 * np.eye(10)[0]])
-    robot = setup_of("wheeled", [hdplan.Pose([k, 0, 0]) for k in range(2)]).robot
+    robot = setup_of("wheeled", ANYWHERE).robot
     line = poses_of(*tool_poses(robot, rows, TOOLS["wheeled"]))
     setup = setup_of("wheeled", line, position_tolerance=0.012, orientation_tolerance=1e-2)
     check, still = PathCheck(setup, Chain.of(setup.robot.model)), np.zeros((2, 10))

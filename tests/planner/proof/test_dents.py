@@ -23,7 +23,7 @@ from hdplan.verify.scene import hull
 from hdplan.verify.world import Piece, World
 
 from .forging import files
-from .worlds import packed, unpacked
+from .worlds import bare, packed, unpacked
 
 Random = np.random.Generator
 Data = dict[str, Any]
@@ -34,14 +34,10 @@ def frame(turn: Rotation, at: Any, off: float) -> dict[str, Any]:
 
 
 STILL = frame(Rotation.identity(), [0.0] * 3, 0.0)
-QUAD = [[0, 1, 2], [0, 2, 3]]
 
 
 def mesh(points: Any, triangles: Any, off: float = 0.0) -> Data:
-    return {
-        "points": np.asarray(points, dtype=float).tolist(), "parts": np.asarray(triangles).tolist(),
-        "sweep": [[0.0] * 3], "off": off,
-    }  # fmt: skip
+    return {**hull(np.asarray(points, dtype=float).tolist()), "parts": np.asarray(triangles).tolist(), "off": off}
 
 
 def body(name: str, kind: str, shape: Data, place: Data = STILL) -> Data:
@@ -50,15 +46,9 @@ def body(name: str, kind: str, shape: Data, place: Data = STILL) -> Data:
 
 def world(*bodies: Data, groups: int = 2) -> World:
     """Bodies of which the held ones slide a little, every mesh in several groups of triangles."""
-    joint = {"name": "j", "parent": -1, "kind": "prismatic", **STILL, "axis": [1.0, 0.0, 0.0], "follows": None}
-    content = {
-        "hdplan_world": 3, "joints": [joint], "held": {}, "links": {}, "bodies": [*bodies], "tracks": [],
-        "not_compared": [], "clearances": {"obstacles": 0.0, "own": {}, "self": 0.0}, "limits": {}, "path": [],
-        "motion": {"rule": "linear", "times": None, "positions": [[0.0], [2.0**-20]]},
-        "start": [], "goal": [], "duration": None, "also": [],
-    }  # fmt: skip
-    meshes = {str(i): len(x["shape"]["parts"]) for i, x in enumerate(bodies) if x["shape"]["parts"]}
-    return World(content, {key: np.arange(count) % groups for key, count in meshes.items()})
+    counts = {str(i): len(x["shape"]["parts"]) for i, x in enumerate(bodies) if x["shape"]["parts"]}
+    cuts = {key: np.arange(count) % groups for key, count in counts.items()}
+    return World(bare([*bodies], [[0.0], [2.0**-20]]), cuts)
 
 
 def dot_at(point: Any) -> Data:

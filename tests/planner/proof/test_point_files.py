@@ -16,11 +16,12 @@ import pytest
 import hdplan
 from hdplan.planner.geometry.cloud_files import read_points
 from hdplan.planner.proof.world import world_of
-from hdplan.planner.robot.setup import Setup
 from hdplan.verify.balls import RejectedError, rejecting
 from hdplan.verify.compare import check_equal, plain
 from hdplan.verify.point_files import KINDS, table
 from hdplan.verify.reading import read_world
+
+from .worlds import saved
 
 Points = np.ndarray[Any, Any]
 
@@ -140,13 +141,9 @@ def test_the_world_of_a_scene_takes_nothing_from_the_proof(tmp_path: Path) -> No
     for kind, made in MADE.items():
         (tmp_path / f"a{kind}").write_bytes(made(np.random.default_rng(1)))
         clouds.append(hdplan.Cloud(tmp_path / f"a{kind}", 0.002, name=kind, drop_nan=True, pose=[9e3, 0.0, 0.0]))
-    hdplan.Scene(robot="panda", obstacles=clouds, start="default", goal="default").save(tmp_path / "scene.yaml")
-    setup = Setup.of(hdplan.load_scene(tmp_path / "scene.yaml"))
-    start = setup.robot.named_states["default"]
-    rows = np.tile([start[x] for x in setup.robot.joint_names], (2, 1))
-    motion = hdplan.Trajectory(setup.robot.joint_names, rows, setup.robot.locked)
-    motion.save(tmp_path / "motion.json")
+    scene = hdplan.Scene(robot="panda", obstacles=clouds, start="default", goal="default")
+    *files, setup, motion = saved(scene, tmp_path)
     world = json.loads(json.dumps(world_of(setup, motion), default=plain))
-    found = read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", world)
+    found = read_world(*files, world)
     assert not found.taken
     check_equal(found.world, world)

@@ -23,7 +23,6 @@ from hdplan.planner.geometry.clouds import balls_in, read_cloud
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.proof import prove_job
 from hdplan.planner.proof.world import world_of
-from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 from hdplan.verify import scene as hulls
 from hdplan.verify.balls import RejectedError, rejecting
@@ -37,7 +36,7 @@ from hdplan.verify.text import Files
 
 from ..job.forging import written
 from .test_verify_meaning import MOTION, SCENE, URDF, files
-from .worlds import packed, unpacked
+from .worlds import packed, saved, unpacked
 
 CAMERA = [40.0, 37.5, 12.0, 7.0]
 SHAPE = (16, 25)
@@ -177,11 +176,8 @@ def scene_of(points: Any, folder: Path, **cloud: Any) -> tuple[Path, Path, dict[
     can = hdplan.Cylinder(0.05, 0.2, name="can", pose=[0.5, 0.4, 0.2])
     bar = hdplan.Attached("bar", "panda_hand", hdplan.Box([0.02, 0.3, 0.02]), [0.0, 0.0, 0.15])
     scene = hdplan.Scene(robot="panda", obstacles=[can, seen], attached=[bar], start=START, goal=START)
-    scene.save(folder / "scene.yaml")
-    setup = Setup.of(hdplan.load_scene(folder / "scene.yaml"))
-    motion = hdplan.Trajectory(setup.robot.joint_names, np.array([START, START]), setup.robot.locked)
-    motion.save(folder / "motion.json")
-    return folder / "scene.yaml", folder / "motion.json", json.loads(json.dumps(world_of(setup, motion), default=plain))
+    *files, setup, motion = saved(scene, folder)
+    return *files, json.loads(json.dumps(world_of(setup, motion), default=plain))
 
 
 def balls(world: dict[str, Any]) -> dict[str, Any]:
@@ -267,17 +263,13 @@ def test_a_point_that_a_mesh_surrounds_counts_as_in_it(open_: bool, tmp_path: Pa
     inside, beside = [1.5, 0.5, 0.5], [1.5, 0.5, -0.05]
     seen = hdplan.Cloud([inside, beside, [3.0, 0, 0]], 0.01, name="seen", ignore=hdplan.Ignored(0.1, obstacle="box"))
     scene = hdplan.Scene(robot="panda", obstacles=[box, seen], start=START, goal=START)
-    scene.save(tmp_path / "scene.yaml")
-    setup = Setup.of(hdplan.load_scene(tmp_path / "scene.yaml"))
-    motion = hdplan.Trajectory(setup.robot.joint_names, np.array([START, START]), setup.robot.locked)
-    motion.save(tmp_path / "motion.json")
+    *given, setup, motion = saved(scene, tmp_path)
     world = world_of(setup, motion)
     assert len(balls(world)["points"]) == (2 if open_ else 1)
-    found = read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", world)
-    check_equal(found.world, world)
+    check_equal(read_world(*given, world).world, world)
     if open_:
         with pytest.raises(RejectedError):
-            read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", without(world, [1]))
+            read_world(*given, without(world, [1]))
 
 
 # --- forged scenes and images -----------------------------------------------------------------------------------------

@@ -75,7 +75,7 @@ def test_invalid_bases_are_refused(tmp_path: Path) -> None:
         ("[-1.0, 1.0]", "[1.0]", r"robot\.base_joints\.y: must be a list of 2"),
         ('"yaw"', '"yow"', r"robot\.base_joints: unknown key 'yow' \(did you mean 'yaw'\?\)"),
         (', "yaw": [-3.0, 3.0]', "", r"robot\.base_joints: the key 'yaw' is missing"),
-        ('"x": [', '"kind": round, "x": [', r"robot\.base_joints\.kind: unknown value 'round'"),
+        ('"kind": "planar"', '"kind": "round"', r"robot\.base_joints\.kind: unknown value 'round'"),
     ):
         changed = text.replace(old, new) if old in text else text.replace(old.replace('"', ""), new.replace('"', ""))
         assert changed != text
