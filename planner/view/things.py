@@ -68,12 +68,7 @@ def turns(edited: Edited, thing: Thing) -> bool:
 
 
 def dragged(
-    edited: Edited,
-    thing: Thing,
-    pose: Pose,
-    tip: Tip,
-    begin: Edited | None = None,
-    along: Collection[str] = (),
+    edited: Edited, thing: Thing, pose: Pose, tip: Tip, begin: Edited | None = None, along: Collection[str] = ()
 ) -> tuple[Edited, str]:
     """Return the scene with a thing dragged to `pose` (world frame), and a word where it cannot follow. `begin` is what
     it was when dragging began: an arm that was pulled out of reach follows from there again. Obstacles `along` with one

@@ -34,10 +34,14 @@ def next_words(words: str, bad: bool = False) -> str:
     return f'<div class="hd hd-two{" hd-bad" if bad else ""}" title="{text}">{text}</div>'
 
 
+def error_words(error: BaseException) -> str:
+    """Return an error in words; of one that is not hdplan's, its kind, too."""
+    return str(error) if isinstance(error, HdplanError) else f"{type(error).__name__}: {error}"
+
+
 def failure_words(scene: Scene, error: BaseException) -> str:
-    """Say why there is no plan in a scene, which needs not be named; of a library's error, what it is."""
-    known = isinstance(error, HdplanError)
-    return str(error).removeprefix(f"{scene.source}: ") if known else f"{type(error).__name__}: {error}"
+    """Say why there is no plan in a scene, which needs not be named."""
+    return error_words(error).removeprefix(f"{scene.source}: ")
 
 
 def contact_words(contacts: Sequence[Contact]) -> str:

@@ -39,10 +39,6 @@ class Share:
     times: Array  # (k,) [s]
     values: Array  # (k,) of 1
 
-    def over(self, times: Array) -> Array:
-        """Clearances (m,) at other times (m,) [s]; NaN where none is known."""
-        return np.asarray(np.interp(times, self.times, self.values, left=np.nan, right=np.nan))
-
 
 @dataclass(frozen=True, eq=False)
 class ShownMotion:

@@ -37,12 +37,7 @@ def shown() -> ShownJob:
     robot = hdplan.load_robot("panda")
     start = {x: robot.named_states["default"][x] for x in robot.joint_names} | FINGERS
     scene = hdplan.Scene(
-        robot="panda",
-        start=start,
-        limits=hdplan.Limits(acceleration=4.0),
-        attached=[block],
-        obstacles=[box],
-        job=job,
+        robot="panda", start=start, limits=hdplan.Limits(acceleration=4.0), attached=[block], obstacles=[box], job=job
     )
     result = hdplan.plan_job(scene)
     assert result.certified, result.text

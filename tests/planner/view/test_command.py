@@ -45,10 +45,7 @@ def test_a_missing_viser_is_reported_in_one_line(hdplan: Command, monkeypatch: p
         "no film": (["planar_arm", "--video", "film.gif"], "no motion to record"),
         "ending of a film": (["planar_arm", "m.json", "--video", "film.avi"], "allowed are .mp4, .gif"),
         "folder": (["planar_arm", "m.json", "--video", "none/film.gif"], "none"),
-        "both": (
-            ["planar_arm", "m.json", "--proof", "p.proof", "--record", "p.html"],
-            "--proof: applies to",
-        ),
+        "both": (["planar_arm", "m.json", "--proof", "p.proof", "--record", "p.html"], "--proof: applies to"),
         "no server": (["planar_arm", "m.json", "--video", "f.gif", "--port", "8081"], "--port: applies to the viewer"),
     }.values(),
 )

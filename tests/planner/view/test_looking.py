@@ -85,11 +85,7 @@ def test_a_body_before_the_handle_lets_the_mouse_through(viewer: Viewer, scene: 
     every = clicked()
     assert every == {each.name for each in viewer.scene.obstacles}
     assert all(ghosts())
-    for thing, through in (
-        (Thing("obstacle", ball.name), {ball.name, "wall"}),
-        (GOAL, set()),
-        (None, set()),
-    ):
+    for thing, through in ((Thing("obstacle", ball.name), {ball.name, "wall"}), (GOAL, set()), (None, set())):
         viewer.worker.ask("select", lambda thing=thing: viewer.panel.handles.select(thing))
         assert every - clicked() == through
         assert all(ghosts()) == (thing != GOAL)
