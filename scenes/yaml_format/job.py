@@ -50,6 +50,7 @@ def _stage(entry: Field) -> Stage:
         found = f"has more than one of {', '.join(given)}" if given else f"has none of the keys {', '.join(KINDS)}"
         raise entry.error(f"{found}: a stage is of one kind")
     kind, content = given[0], keys[given[0]]
+    make: Callable[..., Stage] = KINDS[kind]
     for key, kinds in OF_THE_ARM.items():
         if key in keys and kind not in kinds:
             raise keys[key].error(f"goes with {', '.join(map(repr, kinds))} alone")
@@ -64,11 +65,11 @@ def _stage(entry: Field) -> Stage:
             own = {key: value for key, value in keys.items() if key != "file"}
             return _made(entry, kind, Along, {**own, "poses": poses}, values)
         case "line" | "circle" | "grip" | "release":
-            return _made(entry, kind, KINDS[kind], content.mapping(OWN[KINDS[kind]]), values)
+            return _made(entry, kind, make, content.mapping(OWN[KINDS[kind]]), values)
         case _:  # set and wait, of one value
             (name,) = OWN[KINDS[kind]]
             value = content.checked(checks_of(KINDS[kind])[name], content.value)
-            return entry.make(KINDS[kind], **{name: value}, **values)
+            return entry.make(make, **{name: value}, **values)
 
 
 def _made(entry: Field, kind: str, make: Callable[..., Stage], own: dict[str, Any], common: dict[str, Any]) -> Stage:
