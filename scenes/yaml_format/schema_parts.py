@@ -12,7 +12,7 @@ from typing import Any
 from hdplan.scenes.attached import body_inertia
 from hdplan.scenes.clouds import RADIUS, radius_of
 from hdplan.scenes.depth_images import measured, pinhole
-from hdplan.scenes.job import fingers_of, outputs_of
+from hdplan.scenes.job import outputs_of
 from hdplan.scenes.limits import JointQuantity, ranges
 from hdplan.scenes.obstacles import rising_times
 from hdplan.scenes.path_constraints import AXES, direction, extent
@@ -52,7 +52,6 @@ FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema 
     body_inertia: Row(Number(unit="kg m²"), 6),
     rising_times: Row(Number(low=0.0, unit="s")),
     ranges: Named(Row(JointValue, 2)),
-    fingers_of: Named(JointValue),
     pair: Row(text, 2),
     span: Row(JointValue, 2),
     group_of: (text, Row(text)),
