@@ -209,9 +209,7 @@ def as_pose(pose: dict[str, Any]) -> Pose:
 
 @pytest.mark.parametrize("base", [{}, BASE])
 @pytest.mark.parametrize("frame", ["root", "/root", "shelf_foot", "camera"])
-def test_an_object_in_a_still_frame_is_where_that_frame_is(
-    moveit: Loading, frame: str, base: dict[str, Any]
-) -> None:
+def test_an_object_in_a_still_frame_is_where_that_frame_is(moveit: Loading, frame: str, base: dict[str, Any]) -> None:
     """Objects, regions, orientations and boxes along the way; the frame's place by Pinocchio's own reading."""
     region = {"primitives": [{"type": "box", "dimensions": [0.2, 0.2, 0.2]}], "primitive_poses": [PLACED]}
     header = {"header": {"frame_id": frame}}
