@@ -28,7 +28,7 @@ class Rows:
     def __init__(self, viewer: Viewer, page: Page) -> None:
         """Build them in the container at hand."""
         self._viewer = viewer
-        self._html = viewer.server.gui.add_html("")
+        self.html = viewer.server.gui.add_html("")
         for what, do in (
             ("choose", self._choose),
             ("hide", self._hide),
@@ -38,16 +38,11 @@ class Rows:
         ):
             page.on(what, self._handler(do))
 
-    @property
-    def content(self) -> str:
-        """The text, as HTML."""
-        return str(self._html.content)
-
     def say(self) -> None:
         """Write the lines. By the worker's thread."""
         lines = "".join(self._line(shown) for shown in self._viewer.motions.shown)
         content = f'<div class="hd" style="padding:0 0.6em">{lines}</div>' if lines else ""
-        self._html.content = content
+        self.html.content = content
 
     def _line(self, shown: Shown) -> str:
         document, motion, number = self._viewer.document, shown.motion, shown.number

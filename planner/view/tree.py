@@ -34,7 +34,7 @@ class Tree:
     def __init__(self, viewer: Viewer, page: Page, editing: Editing, handles: Handles) -> None:
         """Build it in the container at hand."""
         self._viewer, self._editing, self._handles = viewer, editing, handles
-        self._html = viewer.server.gui.add_html("")
+        self.html = viewer.server.gui.add_html("")
         self.hidden: set[str] = set()
         self._folded: set[str] = set()  # groups whose lines are not shown
         for what, do in (
@@ -53,11 +53,6 @@ class Tree:
             ("delete", self._delete_group),
         ):
             page.on(f"{what} group", self._group_handler(do_all))
-
-    @property
-    def content(self) -> str:
-        """The text, as HTML."""
-        return str(self._html.content)
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
@@ -97,7 +92,7 @@ class Tree:
             if group not in self._folded:
                 mine.append(self._line(thing, group))
         content = f'<div class="hd">{"".join(itertools.chain(*lines.values()))}</div>'
-        self._html.content = content
+        self.html.content = content
 
     def _group_line(self, group: str) -> str:
         every = groups.members(self._viewer.edited, group)

@@ -168,7 +168,7 @@ class MotionPlots:
             return
         shares = {share.quantity: share for share in active.shares}
         if not shares:
-            self.shares.visible = False
+            self.shares.handle.visible = False
         else:
             times = np.unique(np.concatenate([share.times for share in shares.values()]))
             nothing = np.full(len(times), np.nan)
@@ -184,12 +184,12 @@ class MotionPlots:
     def clear(self) -> None:
         """Show nothing, as there is no motion."""
         for plot in self._all:
-            plot.visible = False
+            plot.handle.visible = False
 
     def follow(self, now: float) -> None:
         """Move the bars."""
         for plot in self._all:
-            if plot.visible:
+            if plot.handle.visible:
                 plot.follow(now)
 
 

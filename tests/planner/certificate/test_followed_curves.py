@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import hdplan
 from hdplan import InputError, PlanarBase, Trajectory
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.certificate import pose_curve, tool_rates
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.followed_curve import OnCurve, TurnedAlong
@@ -22,6 +21,7 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.robot.setup import Setup
+from tests.loops import in_numpy, needs_loops
 
 LIMITS = hdplan.Limits(velocity=50.0, acceleration=1e5)
 TOOLS = {"panda": "panda_hand_tcp", "wheeled": "panda_hand_tcp", "ur5": "ee_link"}
@@ -75,19 +75,14 @@ def values(check: PathCheck, held: Any, curve: Curve, spans: tuple[Any, Any, Any
 @pytest.mark.parametrize("name", TOOLS)
 @pytest.mark.parametrize("free", ["none", "y"])
 def test_bounds_hold_within_parts(name: str, free: str) -> None:
-    """On random parts of random motions along curves that have nothing to do with them, no value within a part exceeds
+    """Random motions have nothing to do with the curves: no value within a random part of a motion exceeds
     the part's bound; it is taken at the place at which u(t) is then."""
     rng = np.random.default_rng([3, len(name), len(free)])
     for _ in range(2):
         turns = Rotation.random(4, random_state=int(rng.integers(1 << 30)))
         turns = Rotation.from_rotvec(0.4 * turns.as_rotvec())
-        setup = setup_of(
-            name,
-            [hdplan.Pose(rng.uniform(-1, 1, 3), turn) for turn in turns.as_quat()],
-            free_rotation=free,
-            speed=1.0,
-            acceleration=1.0,
-        )
+        poses = [hdplan.Pose(rng.uniform(-1, 1, 3), turn) for turn in turns.as_quat()]
+        setup = setup_of(name, poses, free_rotation=free, speed=1.0, acceleration=1.0)
         check = PathCheck(setup, Chain.of(setup.robot.unfolded.model))
         motion = random_motion(rng, setup.robot.n)
         helds = list(check._along(motion, 4))
@@ -139,7 +134,7 @@ def certified(setup: Setup, rows: Any, times: Any) -> hdplan.Certificate:
     return Certifier(setup).certify(motion, check_ends=False)
 
 
-def test_what_follows_is_certified_and_the_rest_is_not() -> None:
+def test_only_a_motion_that_follows_is_certified() -> None:
     """The same curve there, backwards, back and forth, left out in the middle, only half, off it in one row, turned in
     one row: only the first follows."""
     rng = np.random.default_rng(8)
@@ -151,17 +146,11 @@ def test_what_follows_is_certified_and_the_rest_is_not() -> None:
     times = np.linspace(0.0, 8.0, len(rows))
     there = certified(setup, rows, times)
     assert there.certified, there.text
-    assert {"path.follow.position_tolerance", "path.follow.orientation_tolerance"} == {
-        each.field for each in there.path
-    }
-    back_and_forth = np.concatenate([rows[:25], rows[24:9:-1], rows[10:]])
-    bad = {
-        "backwards": rows[::-1],
-        "half": rows[:21],
-        "begins late": rows[5:],
-        "back and forth": back_and_forth,
-        "left out": np.concatenate([rows[:10], rows[30:]]),
-    }
+    fields = {each.field for each in there.path}
+    assert fields == {"path.follow.position_tolerance", "path.follow.orientation_tolerance"}
+    bad = {"backwards": rows[::-1], "half": rows[:21], "begins late": rows[5:]}
+    bad["back and forth"] = np.concatenate([rows[:25], rows[24:9:-1], rows[10:]])
+    bad["left out"] = np.concatenate([rows[:10], rows[30:]])
     for what, forged in bad.items():
         found = certified(setup, forged, np.linspace(0.0, 8.0, len(forged)))
         assert found.status is Status.OFF_PATH, what
@@ -194,9 +183,8 @@ def test_certified_means_near_the_curve_all_along(seed: int) -> None:
     rows, _ = along(robot, rng)
     places, turns = tool_poses(robot, rows, TOOLS["panda"])
     far, angle = 3e-3, 0.03
-    setup = setup_of(
-        "panda", poses_of(places, turns), position_tolerance=far, orientation_tolerance=angle, free_rotation=free
-    )
+    within = {"position_tolerance": far, "orientation_tolerance": angle, "free_rotation": free}
+    setup = setup_of("panda", poses_of(places, turns), **within)
     times, verdicts = np.linspace(0.0, 8.0, len(rows)), []
     slerp = Slerp(np.arange(len(rows)), Rotation.from_matrix(turns))
     fine = np.linspace(0, len(rows) - 1, 4001)
@@ -303,10 +291,10 @@ def test_bad_curves_are_refused() -> None:
         hdplan.plan(setup.requested)
 
 
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 @pytest.mark.parametrize("axis", ["none", "z"])
 def test_places_in_c_are_those_in_numpy(axis: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Along random curves, of which some poses repeat and others turn back, near them and anywhere else."""
+    """Poses of the random curves repeat or turn back; places are near them and anywhere else."""
     robot, rng = hdplan.load_robot("panda"), np.random.default_rng(len(axis))
     for count in (2, 3, 40):
         turns = Rotation.from_rotvec(np.cumsum(rng.normal(scale=0.05, size=(count, 3)), axis=0))
@@ -325,7 +313,7 @@ def test_places_in_c_are_those_in_numpy(axis: str, monkeypatch: pytest.MonkeyPat
                 given = rotations, near, begins, len(kept) - 1.0
                 found.append(curve.places(*given))
                 with monkeypatch.context() as without:
-                    without.setattr(pose_curve, "library", lambda: None)
+                    in_numpy(without, pose_curve)
                     np.testing.assert_allclose(found[-1], curve.places(*given), rtol=0, atol=1e-9)
                 assert (np.diff(found[-1]) >= 0.0).all()
                 assert found[-1][0] == begins
@@ -350,7 +338,7 @@ def test_few_nodes_prove_what_many_do_and_more_are_taken_where_they_do_not() -> 
 
 
 @pytest.mark.parametrize("fastest", [0.01, 0.03])
-def test_where_a_curve_turns_back_its_end_is_not_skipped(fastest: float) -> None:
+def test_the_end_of_a_curve_that_turns_back_is_not_skipped(fastest: float) -> None:
     """A link that turns to an angle and back is as near to the way back as to the way there, all along."""
     angles = np.concatenate([np.linspace(0.0, 0.5, 30), np.linspace(0.5, 0.0, 30)[1:]])
     turn = [Rotation.from_euler("z", angle) for angle in angles]

@@ -108,7 +108,7 @@ def hit(p: list[int], n: list[int], triangle: list[list[int]]) -> bool:
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_ray_is_taken_only_where_it_misses_every_triangle(seed: int) -> None:
-    """Of random triangles, some slivers, in whole numbers; and it is taken wherever it clearly misses."""
+    """Random triangles, some of them slivers, in whole numbers; a ray is taken wherever it clearly misses."""
     rng = np.random.default_rng(seed)
     taken = refused = 0
     for _ in range(60):
@@ -251,7 +251,7 @@ CASES: dict[str, Data] = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_what_stays_in_a_dent_is_proven_and_other_rays_are_rejected(name: str, tmp_path: Path) -> None:
+def test_a_body_in_a_dent_is_proven_and_other_rays_are_rejected(name: str, tmp_path: Path) -> None:
     """The hulls of the two are never apart."""
     open_box(tmp_path)
     timed = {"times": [0, 1, 2], "velocities": [[0]] * 3} if "timing" in CASES[name] else {}
@@ -274,7 +274,7 @@ def test_what_stays_in_a_dent_is_proven_and_other_rays_are_rejected(name: str, t
 
 
 def test_a_ball_in_a_closed_box_has_no_proof(tmp_path: Path) -> None:
-    """Of two walls, or one."""
+    """The box has two walls, or one."""
     open_box(tmp_path, closed=True)
     for scene in (CASES["a held ball in an open box"], CASES["a held open box around a ball"]):
         given = files(tmp_path, scene, SMALL, ARM)

@@ -45,17 +45,14 @@ def xyz(rng: np.random.Generator) -> bytes:
 def ply(rng: np.random.Generator) -> bytes:
     order, sign = [("ascii", "="), ("binary_little_endian", "<"), ("binary_big_endian", ">")][rng.integers(3)]
     name, kind = [("float", "f4"), ("double", "f8"), ("float32", "f4")][rng.integers(3)]
-    rows = np.empty(
-        60, [("red", "u1"), ("y", sign + kind), ("x", sign + kind), ("label", sign + "i2"), ("z", sign + kind)]
-    )
+    columns = ("red", "u1"), ("y", sign + kind), ("x", sign + kind), ("label", sign + "i2"), ("z", sign + kind)
+    rows = np.empty(60, [*columns])
     rows["red"], rows["label"] = rng.integers(0, 255, 60), rng.integers(-9, 9, 60)
     for axis, column in zip("xyz", points(rng, kind).T, strict=True):
         rows[axis] = column
     types = f"uchar red,{name} y,{name} x,short label,{name} z".replace(",", "\nproperty ")
     head = f"ply\nformat {order} 1.0\ncomment of a camera\nelement vertex 60\nproperty {types}\nelement face 0\n"
-    body = words(rows) if order == "ascii" else rows.tobytes()
-    end = "end_header\n"
-    return (head + end).encode() + (body.encode() if isinstance(body, str) else body)
+    return (head + "end_header\n").encode() + (words(rows).encode() if order == "ascii" else rows.tobytes())
 
 
 def pcd(rng: np.random.Generator) -> bytes:

@@ -206,7 +206,7 @@ def test_every_body_is_where_hdplan_has_it(seed: int, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("count", [60, pytest.param(200, marks=pytest.mark.slow)])
 def test_turns_of_any_angle_are_enclosed(count: int) -> None:
-    """Of an obstacle between poses that are hardly turned, or far."""
+    """An obstacle turns hardly, or far, from pose to pose."""
     rng, nothing = np.random.default_rng(5), frame_of(HERE)
     joint = {"name": "j", "parent": -1, "kind": "prismatic", **nothing, "axis": [0.0, 0.0, 1.0], "follows": None}
     body = {"name": "o", "kind": "obstacle", "shape": hull([[0.0] * 3], 0.1, 0.1, 0.1)}

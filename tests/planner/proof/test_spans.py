@@ -14,12 +14,13 @@ from hdplan.planner.proof.planes import Planes, unit
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify.kernel import Motion
+from tests.loops import in_numpy
 from tests.planner.proof.worlds import read
 
 
 @pytest.mark.parametrize("scene", ["panda_cage", "panda_conveyor", "planar_arm", "panda_corridor"])
 def test_spans_equal_the_kernels(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On spans of any length, within a row and over many, of lines and of timed curves, with what moves around."""
+    """Spans of any length lie within a row or over many, of lines and of timed curves, with what moves around."""
     setup = Setup.of(hdplan.load_scene(scene))
     rng = np.random.default_rng(0)
     ends = np.stack([setup.query.start, setup.query.goal])
@@ -40,5 +41,5 @@ def test_spans_equal_the_kernels(scene: str, tmp_path: Path, monkeypatch: pytest
     kernel = slow.gaps(node, world.pairs[pair], normal)
     kernel = np.where(kernel < 0, kernel / 2, kernel)  # what does not suffice is not computed closely
     assert np.abs(found - kernel).max() < 1e-8
-    monkeypatch.setattr(interval_bounds, "library", lambda: None)  # without loops of C
+    in_numpy(monkeypatch, interval_bounds)  # without loops of C
     assert np.abs(planes.spans.bounds.by_plane(nodes, items, unit(normal))[1] - found).max() < 1e-10

@@ -48,7 +48,7 @@ def test_the_outline_goes_with_the_robot(opened: Opener, scene: Scene) -> None:
     np.testing.assert_array_equal(again, Outline(viewer.robot).at(viewer.edited.start))
 
 
-def test_what_stands_before_the_eye_fades_and_comes_back(viewer: Viewer, scene: Scene) -> None:
+def test_an_obstacle_before_the_eye_fades_and_comes_back(viewer: Viewer, scene: Scene) -> None:
     view = viewer.panel.looking.view("best", 1.2)
     wall = Obstacle("wall", Box((0.6, 0.6, 0.6)), Pose(tuple((0.8 * view.eye + 0.2 * view.target).tolist())))
     away = replace(wall, pose=Pose(tuple((view.eye + [0.0, 0.0, 30.0]).tolist())))
