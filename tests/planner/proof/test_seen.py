@@ -40,7 +40,6 @@ from .worlds import packed, saved, unpacked
 
 CAMERA = [40.0, 37.5, 12.0, 7.0]
 SHAPE = (16, 25)
-Change = Callable[[dict[str, Any]], Any]
 
 
 def image(rng: np.random.Generator) -> Any:
