@@ -19,16 +19,15 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 import hdplan
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.poses import placement_rows
 from hdplan.planner.kinematics import closed_form_loop
 from hdplan.planner.kinematics.closed_form import Joints, choice
 from hdplan.planner.robot.link_frame import end_effector, link_frame, link_poses
 from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.array_types import Array
 
-Array = NDArray[np.float64]
 ARMS = ("ur5", "z1", "puma560", "irb120", "kr6_r900", "jaco2", "xarm6", "franka_panda", "iiwa14", "gen3")
 ROBOTS = ("ur3", "ur5", "ur10", "z1", "kinova", "talos_left_arm", "panda", "xarm7")
 POSES, NEAREST, SAME = 100, 8, 1e-4
@@ -66,16 +65,15 @@ def against(ssik: Any, name: str, poses: int) -> dict[str, Any]:
     """One arm of ssik's."""
     arm = ssik.Manipulator.from_prebuilt(name)
     joints = _joints_of(arm.fk, arm.dof)
-    ways, functions = choice(joints), library()
+    ways = choice(joints)
     assert ways
-    assert functions is not None
     free = np.full(arm.dof, np.inf)
     chains, held = [way.chain(joints, -free, free) for way in ways], list(ways[0].held)
     ours, theirs, count, missed = [], [], 0, 0
     drawn = np.random.default_rng(0).uniform(-np.pi, np.pi, (poses, arm.dof))
     for q in drawn:
         place = arm.fk(q)
-        wanted = np.concatenate([place[:3, :3].ravel(), place[:3, 3]])
+        wanted = placement_rows(place)
         near = {"q_seed": q, "max_solutions": NEAREST} if held else {}
         before = time.process_time()
         others = [each.q for each in arm.solve(place, respect_limits=False, enumerate_windings=False, **near)]
@@ -83,8 +81,7 @@ def against(ssik: Any, name: str, poses: int) -> dict[str, Any]:
         count += len(others)
         for other in others if held else others[:1]:
             before = time.process_time()
-            branches = [closed_form_loop.branches(functions, x, wanted, other[None, held], other) for x in chains]
-            found = np.vstack(branches)
+            found = np.vstack([closed_form_loop.branches(x, wanted, other[None, held], other) for x in chains])
             ours.append(time.process_time() - before)
             missed += _missed(found, [other] if held else others)
     row = {"arm": name, "solved by": ways[0].kind.name.lower(), "ssik's branches": count, "missed": missed}

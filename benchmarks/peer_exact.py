@@ -14,7 +14,7 @@ from ompl import base, geometric, util
 from peer_ompl import path_of, simple_setup
 
 import hdplan
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import C, Record
 from hdplan.planner.build import problem_of
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
@@ -77,9 +77,7 @@ class _Free(base.MotionValidator):  # type: ignore[misc]  # OMPL has no types
 
     def __init__(self, information: base.SpaceInformation, space: Record, joints: int) -> None:
         super().__init__(information)
-        loops = library()
-        assert loops is not None
-        self.space, self.joints, self.loops = space, range(joints), loops
+        self.space, self.joints = space, range(joints)
 
     def _at(self, state: base.State) -> Array:
         return np.array([state[joint] for joint in self.joints])
@@ -87,8 +85,8 @@ class _Free(base.MotionValidator):  # type: ignore[misc]  # OMPL has no types
     def state(self, state: base.State) -> bool:
         """Whether a state is free."""
         q = self._at(state)
-        return bool(self.loops.is_free(self.space.struct, q, q))
+        return bool(C.is_free(self.space.struct, q, q))
 
     def checkMotion(self, first: base.State, last: base.State) -> bool:
         """Whether a line is free."""
-        return bool(self.loops.is_free(self.space.struct, self._at(first), self._at(last)))
+        return bool(C.is_free(self.space.struct, self._at(first), self._at(last)))

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from hdplan.distance.baselines.coal import signed_distances
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.normals import sphere_directions
+from hdplan.distance.poses import placement_rows
 from hdplan.distance.studies.stopwatch import seconds_per_query
 from hdplan.distance.symbolic.halfspaces import box_directions, halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
@@ -79,7 +80,7 @@ def main() -> None:
             supports = (normals @ box.vertices.T).max(axis=1)
             ones = np.ones(len(body.vertices))
             tables = [
-                np.hstack([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]]),
+                placement_rows(poses),
                 np.append(np.eye(3).ravel(), np.zeros(3))[None],
                 np.concatenate([body.vertices.ravel(), ones, [body.radius]])[None],
                 np.append(normals.ravel(), supports)[None],

@@ -41,6 +41,11 @@ def check_pose_lists(poses_a: ArrayLike, poses_b: ArrayLike) -> tuple[Array, Arr
     return lists
 
 
+def placement_rows(poses: Array) -> Array:
+    """Return poses (..., 4, 4) as rows (..., 12): the rotation row by row, then the origin."""
+    return np.concatenate([poses[..., :3, :3].reshape(*poses.shape[:-2], 9), poses[..., :3, 3]], axis=-1)
+
+
 def _check(name: str, poses: ArrayLike, axes: int | None, allowed: str) -> Array:
     try:
         array = np.asarray(poses)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.compiled.cache import cache_dir, content_key, trusted, write_whole
 from hdplan.distance.compiled.compile_time import compiling
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import C
 from hdplan.scenes.deadline import check_time, most_seconds
 
 Library = TypeVar("Library")
@@ -102,7 +102,7 @@ def compiler() -> tuple[str, ...] | None:
 
 @functools.cache
 def _warn_once() -> None:
-    if library() is None:  # which says more
+    if C is None:  # which says more
         return
     warnings.warn(
         "no C compiler found (cc, gcc, clang or `pip install ziglang`): functions that CasADi generates are "

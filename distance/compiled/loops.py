@@ -1,8 +1,8 @@
-"""The loops of C that hdplan was built with, `hdplan._loops`; None where it was installed without a C compiler.
+"""The loops of C that hdplan was built with, `hdplan._loops`, and the one place that decides between them and NumPy.
 
-Every function there checks what it is given (`border.h`): an array of another type, shape or layout raises an error
-that names it. Each loop has a twin in NumPy, which serves where there are none, and to which laws hold
-it; in place of closed forms of inverse kinematics its search does.
+Every function of C checks what it is given (`border.h`): an array of another type, shape or layout raises an error
+that names it. Each loop has a twin in NumPy, which serves where hdplan was installed without a C compiler, and to which
+laws hold the loop; in place of closed forms of inverse kinematics the search does.
 """
 
 from __future__ import annotations
@@ -10,19 +10,21 @@ from __future__ import annotations
 import functools
 import importlib
 import warnings
+from collections.abc import Callable
 from functools import cached_property
-from types import ModuleType
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.scenes.once import read_only
 
+T = TypeVar("T")
+P = ParamSpec("P")
+R = TypeVar("R")
 
-@functools.cache
-def library() -> ModuleType | None:
-    """Return the loops, or None, with a warning in each process."""
+
+def _built() -> Any:
     try:
         return importlib.import_module("hdplan._loops")
     except ImportError as error:
@@ -32,6 +34,24 @@ def library() -> ModuleType | None:
             stacklevel=2,
         )
         return None
+
+
+C = _built()  # the functions of C; None where there are none
+
+
+def twin_of(
+    loop: Callable[Concatenate[T, P], R],
+) -> Callable[[Callable[Concatenate[T, P], R]], Callable[Concatenate[T, P], R]]:
+    """Decorator of a function's form in NumPy: `loop` itself takes its place where hdplan has its loops of C, so that
+    the choice costs no call anything. The twin remains as the attribute `twin`, for the laws that compare the two."""
+
+    def chosen(twin: Callable[Concatenate[T, P], R]) -> Callable[Concatenate[T, P], R]:
+        if C is None:
+            return twin
+        loop.twin = twin  # type: ignore[attr-defined]
+        return functools.update_wrapper(loop, twin)
+
+    return chosen
 
 
 class Record:
@@ -45,7 +65,7 @@ class Record:
     @cached_property
     def struct(self) -> Any:
         """The struct, made on first use. Raises ValueError for a field that is not as it should be."""
-        return getattr(library(), self.kind)(*map(_struct, self.fields))
+        return getattr(C, self.kind)(*map(_struct, self.fields))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the fields: addresses are of this process."""

@@ -21,7 +21,7 @@ hull, which contains A at the two placements and on the straight line between th
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 import numpy as np
@@ -61,22 +61,8 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
     Wrench and Hessian are closed forms, correct at every pose. CasADi's own derivatives of D and of the wrench are
     wrong where separated bodies have several least projections along a normal, as aligned boxes do.
     """
-    placements, body, body_planes = _arguments(("placement_a", "placement_b"), vertices, planes)
-    given = *points_seen(placements, body), body_planes
-    distance, separation, gradient, *second = distance_by_planes(*given, gamma, order, shaping_length)
-    mark = rigid_or_nan(*map(rotation_of, placements))
-    return ca.Function(
-        f"hdsdf_halfspaces_{vertices}_{planes}_{gamma}",
-        [*placements, body, body_planes],
-        [
-            distance + mark,
-            as_wrenches(placements[-1], gradient),
-            separation + mark,
-            *(in_the_world(placements[-1], hessian, 1) for hessian in second),
-        ],
-        ["placement_a", "placement_b", "body", "body_planes"],
-        ["distance", "wrench", "separation", "hessian"][: order + 2],
-    )
+    wrenches = {"placement_a": "wrench"}
+    return _by_planes("halfspaces", wrenches, vertices, planes, gamma, shaping_length, order)
 
 
 @functools.cache
@@ -89,28 +75,28 @@ def swept_halfspace_distance(
     Outputs: distance [m]; first_wrench and second_wrench (6), dD = F·v + T·ω under a motion of A at that placement
     alone; separation [m]. With order 2 also hessian (12, 12) by both motions.
     """
-    placements, body, body_planes = _arguments(("first", "second", "placement_b"), vertices, planes)
-    given = *points_seen(placements, body), body_planes
-    distance, separation, gradient, *bend = distance_by_planes(*given, gamma, order, shaping_length, placements=2)
-    mark = rigid_or_nan(*map(rotation_of, placements))
+    wrenches = {"first": "first_wrench", "second": "second_wrench"}
+    return _by_planes("swept_halfspaces", wrenches, vertices, planes, gamma, shaping_length, order)
+
+
+def _by_planes(
+    name: str, wrenches: Mapping[str, str], vertices: int, planes: int, gamma: int, shaping_length: float, order: int
+) -> ca.Function:
+    """Return the function for A at one placement or swept between several, each with the name of its wrench."""
+    own, b = [ca.MX.sym(each, 12) for each in wrenches], ca.MX.sym("placement_b", 12)
+    body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
+    given = *points_seen([*own, b], body), body_planes
+    distance, separation, gradient, *second = distance_by_planes(*given, gamma, order, shaping_length, len(own))
+    mark = rigid_or_nan(*map(rotation_of, (*own, b)))
+    pushes = ca.vertsplit(as_wrenches(b, gradient), 6)
+    hessians = [in_the_world(b, hessian, len(own)) for hessian in second]
     return ca.Function(
-        f"hdsdf_swept_halfspaces_{vertices}_{planes}_{gamma}",
-        [*placements, body, body_planes],
-        [
-            distance + mark,
-            *ca.vertsplit(as_wrenches(placements[-1], gradient), 6),
-            separation + mark,
-            *(in_the_world(placements[-1], hessian, 2) for hessian in bend),
-        ],
-        ["first", "second", "placement_b", "body", "body_planes"],
-        ["distance", "first_wrench", "second_wrench", "separation", "hessian"][: order + 3],
+        f"hdsdf_{name}_{vertices}_{planes}_{gamma}",
+        [*own, b, body, body_planes],
+        [distance + mark, *pushes, separation + mark, *hessians],
+        [*wrenches, "placement_b", "body", "body_planes"],
+        ["distance", *wrenches.values(), "separation", *["hessian"] * len(hessians)],
     )
-
-
-def _arguments(names: Sequence[str], vertices: int, planes: int) -> tuple[list[ca.MX], ca.MX, ca.MX]:
-    """Return the symbols of placements, of A and of its planes."""
-    placements = [ca.MX.sym(name, 12) for name in names]
-    return placements, ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
 
 
 def rotation_of(placement: ca.MX) -> ca.MX:

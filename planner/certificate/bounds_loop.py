@@ -6,15 +6,15 @@ bound: a direction that is not finite has no support value.
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record
-from hdplan.scenes.array_types import Array, Rows
+from hdplan.distance.compiled.loops import C, Record
+from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
+    from hdplan.planner.certificate.interval_bounds import Bounds, Items
     from hdplan.planner.certificate.intervals import Bodies, Intervals, Pairs
 
 
@@ -45,19 +45,17 @@ def intervals(nodes: Intervals) -> Record:
     )
 
 
-def by_ball(loops: ModuleType, world: Record, nodes: Record, node: Rows, pair: Rows) -> tuple[Array, Array]:
-    """Return a bound (i,) without what bodies drift and rounding may take, and the directions (i, 3)."""
-    bound, normal = np.empty(len(node)), np.empty((len(node), 3))
-    given = np.ascontiguousarray(node), np.ascontiguousarray(pair)
-    loops.by_ball(world.struct, nodes.struct, *given, bound, normal)
+def by_ball(bounds: Bounds, nodes: Intervals, items: Items) -> tuple[Array, Array]:
+    """Bounds (i,) and directions (i, 3)."""
+    bound, normal = np.empty(len(items)), np.empty((len(items), 3))
+    given = np.ascontiguousarray(items.node), np.ascontiguousarray(items.pair)
+    C.by_ball(bounds.world.struct, nodes.record.struct, *given, bound, normal)
     return bound, normal
 
 
-def by_plane(
-    loops: ModuleType, world: Record, nodes: Record, node: Rows, pair: Rows, normal: Array
-) -> tuple[Array, Array, Array]:
-    """Return gap(n) (i,), the bound over the interval without what rounding may take, and the bodies' travel (i,)."""
-    gap, bound, travel = np.empty((3, len(node)))
-    given = map(np.ascontiguousarray, (node, pair, normal))
-    loops.by_plane(world.struct, nodes.struct, *given, gap, bound, travel)
+def by_plane(bounds: Bounds, nodes: Intervals, items: Items, normal: Array) -> tuple[Array, Array, Array]:
+    """gap(n), the bound over the interval and the bodies' travel (i,)."""
+    gap, bound, travel = np.empty((3, len(items)))
+    given = map(np.ascontiguousarray, (items.node, items.pair, normal))
+    C.by_plane(bounds.world.struct, nodes.record.struct, *given, gap, bound, travel)
     return gap, bound, travel

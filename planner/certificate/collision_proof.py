@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdplan.planner.certificate.interval_bounds import Items
-from hdplan.planner.certificate.intervals import Index, Intervals
+from hdplan.planner.certificate.intervals import Intervals
 from hdplan.planner.certificate.part_bounds import PartBounds
 from hdplan.planner.certificate.placed_pairs import PlacedPairs, PreparedPairs, Spot
 from hdplan.planner.motion.curve import Curve
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import TimeLimitError
 
@@ -125,7 +125,7 @@ class MotionProof(PlacedPairs):
         first = np.minimum(np.arange(0, intervals, width), intervals - width)
         return self.place(first, np.zeros(len(first)), np.full(len(first), float(width)))
 
-    def _left(self, count: int, pairs: Index, grouped: tuple[Array, Index] | None) -> Items:
+    def _left(self, count: int, pairs: Rows, grouped: tuple[Array, Rows] | None) -> Items:
         """Return the pairs on all intervals, without those that the balls around groups settle."""
         if grouped is None:
             return Items.all(count, pairs)
@@ -223,7 +223,7 @@ class MotionProof(PlacedPairs):
             return items
         return items[~(closed | failed)]
 
-    def _enough(self, pairs: Index) -> Array:
+    def _enough(self, pairs: Rows) -> Array:
         """Return the bounds [m] at which pairs (i,) are settled."""
         if self._required is None:
             goals = np.array([_goal(distance) for distance in self._least()])

@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdplan.planner.certificate.intervals import Bodies, Body, Index, Intervals, Pairs
+from hdplan.planner.certificate.intervals import Bodies, Body, Intervals, Pairs
 from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.geometry.meshes import connected
 from hdplan.planner.geometry.solids import Solid
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 
 CHECKED_OVERLAPS = 1000  # balls of which it is worthwhile to find those that overlap
 TOUCHING_CUBE = 1.15  # of the radius: balls in a cube of this edge have centres less than two radii apart
@@ -69,7 +69,7 @@ class Containment:
         """Return the bodies that are inside others, of open meshes only."""
         return self._found(nodes, np.flatnonzero(self.open))
 
-    def _found(self, nodes: Intervals, rows: Index) -> list[tuple[int, tuple[int, ...]]]:
+    def _found(self, nodes: Intervals, rows: Rows) -> list[tuple[int, tuple[int, ...]]]:
         outer, inner = self.outer[rows], self.inner[rows]
         every = np.arange(len(nodes.interval))[:, None]
         inside, around = nodes.row(every, inner), nodes.row(every, outer)  # (k, q)

@@ -28,10 +28,10 @@ import numpy as np
 from hdplan.planner.certificate.path_parts import Part, Valued, WithTolerance, angles_between, no_greater_angle, spun
 from hdplan.planner.certificate.pose_curve import PoseCurve
 from hdplan.planner.certificate.verdict import at_most
-from hdplan.planner.motion.curve import Curve, Index
+from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 
 # of an interval between two rows, at which the nearest place is sought: more where few prove nothing
 NODES = 1, 4
@@ -61,14 +61,14 @@ class Followed:
         return cls(curve, at[on], places, *around)
 
     @property
-    def spans(self) -> tuple[Index, Array, Array]:
+    def spans(self) -> tuple[Rows, Array, Array]:
         """Parts of the motion on which the place stays between two poses: interval, start and width (k,)."""
         first, last = self.ways[[0, -1]]
         passed = self.curve.ahead[(self.curve.ahead > first) & (self.curve.ahead < last)]
         return spans_between(np.union1d(self.nodes, np.interp(passed, self.ways, self.nodes)))
 
     @property
-    def rated(self) -> tuple[Index, Array, Array]:
+    def rated(self) -> tuple[Rows, Array, Array]:
         """Parts of the motion on which the link's speed is limited: while it comes or leaves it is within its radius,
         and on the curve before it passes a place that is beyond."""
         begins, ends = self.curve.beyond()
@@ -85,7 +85,7 @@ class Followed:
         """Arc length along the curve to the places (k,), in tolerances: between the nodes this is linear."""
         return self.curve.way_to(self.places)
 
-    def on(self, interval: Index, start: Array, width: Array) -> tuple[Index, Array, Array]:
+    def on(self, interval: Rows, start: Array, width: Array) -> tuple[Rows, Array, Array]:
         """Return on parts of the motion the segment of the curve, the fraction of it in the middle, and half of how
         much of it is passed (k,)."""
         ahead = self.curve.ahead
@@ -97,7 +97,7 @@ class Followed:
         return segment, 0.5 * (first + last), 0.5 * (last - first)
 
 
-def spans_between(cuts: Array) -> tuple[Index, Array, Array]:
+def spans_between(cuts: Array) -> tuple[Rows, Array, Array]:
     """Return parts of a motion between places on it, in intervals between rows: interval, start and width (k,)."""
     interval = np.floor(0.5 * (cuts[:-1] + cuts[1:])).astype(np.int64)
     return interval, cuts[:-1] - interval, np.diff(cuts)
@@ -114,7 +114,7 @@ class _Along(WithTolerance):
         return self.motion.curve.link
 
     @property
-    def spans(self) -> tuple[Index, Array, Array]:
+    def spans(self) -> tuple[Rows, Array, Array]:
         """First parts of the motion."""
         return self.motion.spans
 
@@ -127,7 +127,7 @@ class OnCurve(_Along):
     allowed: float  # [m]
     field: str = "path.follow.position_tolerance"
 
-    def on(self, interval: Index, start: Array, width: Array) -> Valued:
+    def on(self, interval: Rows, start: Array, width: Array) -> Valued:
         """Return the constraint on parts of the motion."""
         curve = self.motion.curve
         segment, middle, half = self.motion.on(interval, start, width)
@@ -153,7 +153,7 @@ class NearEnd(_Along):
     at_end: bool
 
     @property
-    def spans(self) -> tuple[Index, Array, Array]:
+    def spans(self) -> tuple[Rows, Array, Array]:
         """First parts of the motion."""
         return spans_between(self.motion.after if self.at_end else self.motion.before)
 
@@ -162,7 +162,7 @@ class NearEnd(_Along):
         """The end of the curve, in a word."""
         return "end" if self.at_end else "beginning"
 
-    def on(self, interval: Index, start: Array, width: Array) -> Valued:
+    def on(self, interval: Rows, start: Array, width: Array) -> Valued:
         """Return the constraint on parts of the motion."""
         there = np.broadcast_to(self.motion.curve.origins[-1 if self.at_end else 0], (len(interval), 3))
         return _AtPlaces(self, there, np.zeros_like(there))
@@ -186,7 +186,7 @@ class TurnedAlong(_Along):
     allowed: float  # [rad]
     field: str = "path.follow.orientation_tolerance"
 
-    def on(self, interval: Index, start: Array, width: Array) -> Valued:
+    def on(self, interval: Rows, start: Array, width: Array) -> Valued:
         """Return the constraint on parts of the motion."""
         curve = self.motion.curve
         segment, middle, half = self.motion.on(interval, start, width)

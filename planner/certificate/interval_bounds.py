@@ -17,14 +17,14 @@ from functools import cached_property
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import Record, twin_of
 from hdplan.planner.certificate import bounds_loop
 from hdplan.planner.certificate.exact_proximity import DOUBTFUL_DIFFERENCE, best_direction, directions
-from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
+from hdplan.planner.certificate.intervals import Bodies, Intervals, Pairs
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.motion.motion_bounds import Motion, cross
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 GROUPED_FROM = 500  # bodies that stand, from which on it is worth while to bound groups of them
 GROUP_EDGE = 0.25  # [m] edge of the cubes whose bodies make a group
@@ -34,12 +34,12 @@ GROUP_EDGE = 0.25  # [m] edge of the cubes whose bodies make a group
 class Items:
     """Pairs on intervals that are still to be proven."""
 
-    node: Index  # (i,) row of the intervals
-    pair: Index  # (i,)
+    node: Rows  # (i,) row of the intervals
+    pair: Rows  # (i,)
     bound: Array  # (i,) proven so far [m]
     normal: Array  # (i, 3) direction to try, from b to a; 0 where there is none yet
 
-    def __getitem__(self, rows: Mask | Index) -> Items:
+    def __getitem__(self, rows: Mask | Rows) -> Items:
         """Return some of them."""
         return Items(self.node[rows], self.pair[rows], self.bound[rows], self.normal[rows])
 
@@ -48,7 +48,7 @@ class Items:
         return len(self.node)
 
     @classmethod
-    def all(cls, nodes: int, pairs: Index) -> Items:
+    def all(cls, nodes: int, pairs: Rows) -> Items:
         """Return every pair on every one of `nodes` intervals, with nothing known about them."""
         size = nodes * len(pairs)
         node, pair = np.repeat(np.arange(nodes), len(pairs)), np.tile(pairs, nodes)
@@ -79,7 +79,7 @@ class Bounds:
         bound = np.where(still[b], np.linalg.norm(outside, axis=1) - radius[first] - ROUNDING, -np.inf)
         return bound if bodies.sizes is None else bound - bodies.sizes.most(nodes, pairs)
 
-    def by_groups(self, nodes: Intervals) -> tuple[Array, Index] | None:
+    def by_groups(self, nodes: Intervals) -> tuple[Array, Rows] | None:
         """Return bounds (k, c) [m] over each interval, of bodies' bounding balls to balls around groups of what stands,
         and which of these columns bounds each pair (P,), −1 for none; None where little stands."""
         if self._grouped is None:
@@ -94,7 +94,7 @@ class Bounds:
         return bound.reshape(len(nodes.interval), -1), column
 
     @cached_property
-    def _grouped(self) -> tuple[Array, Array, Index] | None:
+    def _grouped(self) -> tuple[Array, Array, Rows] | None:
         """Balls around static bodies, by cubes of a grid: their middles (g, 3) and radii (g,) [m], and the column of
         each pair's first body and group (P,)."""
         bodies, (_, first) = self.bodies, self._first
@@ -116,13 +116,18 @@ class Bounds:
     def by_ball(self, nodes: Intervals, items: Items) -> tuple[Array, Array]:
         """Return a bound (i,) over the interval and the direction (i, 3) from b to a: from a's bounding ball to b's
         bounding box at the midpoint, less the travel of both."""
+        bound, normal = self._by_ball(nodes, items)
+        drift = self.elsewhere(nodes, items)
+        if nodes.drift is not None:
+            row, other = (nodes.row(items.node, body[items.pair]) for body in (self.pairs.a, self.pairs.b))
+            drift = nodes.drift.first[row] + nodes.drift.first[other] + drift
+        return bound - drift - ROUNDING, normal
+
+    @twin_of(bounds_loop.by_ball)
+    def _by_ball(self, nodes: Intervals, items: Items) -> tuple[Array, Array]:
+        """The same, without what bodies drift and rounding may take."""
         a, b = self.pairs.a[items.pair], self.pairs.b[items.pair]
         row, other = nodes.row(items.node, a), nodes.row(items.node, b)
-        drift = 0.0 if nodes.drift is None else nodes.drift.first[row] + nodes.drift.first[other]
-        drift += self.elsewhere(nodes, items)
-        if loops := library():
-            bound, normal = bounds_loop.by_ball(loops, self._world, nodes.record, items.node, items.pair)
-            return bound - drift - ROUNDING, normal
         rotation = nodes.rotation[other]
         local = np.einsum("iba,ib->ia", rotation, nodes.center[row] - nodes.center[other])
         away = local - np.clip(local, -self.bodies.half[b], self.bodies.half[b])
@@ -134,25 +139,28 @@ class Bounds:
         most = np.abs(nodes.delta) + nodes.deviation
         reach = nodes.reach[row] * self.pairs.moves_a[items.pair] + nodes.reach[other] * self.pairs.moves_b[items.pair]
         travel = np.einsum("in,in->i", most[items.node], reach)
-        return distance - self.bodies.radius[a] - travel - drift - ROUNDING, normal
+        return distance - self.bodies.radius[a] - travel, normal
 
     @cached_property
-    def _first(self) -> tuple[Index, Index]:
+    def _first(self) -> tuple[Rows, Rows]:
         """The first bodies of all pairs, links, few beside the obstacles; and which of them is in each pair."""
         links, first = np.unique(self.pairs.a, return_inverse=True)
         return links, first
 
     @cached_property
-    def _world(self) -> Record:
+    def world(self) -> Record:
         """The record of the bodies for the loops in C."""
         return bounds_loop.world(self.bodies, self.pairs)
 
     def by_plane(self, nodes: Intervals, items: Items, normal: Array) -> tuple[Array, Array, Array]:
         """Return gap(n) at the midpoint, the bound over the interval (module's head) and how far the two bodies move
         against each other at most [m]; `normal` (i, 3) is unit."""
-        if loops := library():
-            gap, bound, travel = bounds_loop.by_plane(loops, self._world, nodes.record, items.node, items.pair, normal)
-            return gap, bound - self.elsewhere(nodes, items) - ROUNDING, travel
+        gap, bound, travel = self._by_plane(nodes, items, normal)
+        return gap, bound - self.elsewhere(nodes, items) - ROUNDING, travel
+
+    @twin_of(bounds_loop.by_plane)
+    def _by_plane(self, nodes: Intervals, items: Items, normal: Array) -> tuple[Array, Array, Array]:
+        """The same, without what rounding may take."""
         pairs, node = self.pairs, items.node
         a, b = pairs.a[items.pair], pairs.b[items.pair]
         motion_a = nodes.motion(node, a, pairs.moves_a[items.pair])
@@ -160,7 +168,7 @@ class Bounds:
         gaps = -self._extremes(nodes, node, a, motion_a, -normal) - self._extremes(nodes, node, b, motion_b, normal)
         travel = motion_a.first + motion_b.first
         bound = np.maximum(gaps[1:].min(axis=0) - (motion_a.second + motion_b.second), gaps[0] - travel)
-        return gaps[0], bound - self.elsewhere(nodes, items) - ROUNDING, travel
+        return gaps[0], bound, travel
 
     def elsewhere(self, nodes: Intervals, items: Items) -> Array | float:
         """Return by how much pairs (i,) may be closer because their bodies are not quite at their nominal poses [m]."""
@@ -208,7 +216,7 @@ class Bounds:
             )
         )
 
-    def _extremes(self, nodes: Intervals, node: Index, body: Index, motion: Motion, normal: Array) -> Array:
+    def _extremes(self, nodes: Intervals, node: Rows, body: Rows, motion: Motion, normal: Array) -> Array:
         """Return max_{x ∈ body} n·(x + s x') for s = 0, 1, −1: (3, i)."""
         row = nodes.row(node, body)
         turn, slide = cross(normal, motion.omega), np.einsum("ij,ij->i", normal, motion.velocity)

@@ -16,21 +16,18 @@ from weakref import WeakKeyDictionary
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.compiled.loops import Record
 from hdplan.planner.certificate import bounds_loop
 from hdplan.planner.certificate.exact_proximity import Piece
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain, Motion, cross
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.once import ReadOnly
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate.sizes import Sizes
     from hdplan.scenes.obstacle_motion import ObstacleMotion
-
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,14 +185,14 @@ def _around(chain: Chain, body: Body) -> tuple[float, float, float]:
 class Pairs:
     """Pairs of bodies to be kept apart, in two groups: 0 link and obstacle, 1 link and link."""
 
-    a: Index  # (P,) rows of the list of bodies
-    b: Index  # (P,)
-    group: Index  # (P,)
+    a: Rows  # (P,) rows of the list of bodies
+    b: Rows  # (P,)
+    group: Rows  # (P,)
     moves_a: Mask  # (P, n) joints that move a and not b
     moves_b: Mask  # (P, n) and the other way round
 
     @classmethod
-    def of(cls, bodies: Bodies, table: Index) -> Pairs:
+    def of(cls, bodies: Bodies, table: Rows) -> Pairs:
         """Build from rows (a, b, group); pairs without relative motion are left out."""
         carried_by = bodies.chain.carried_by[bodies.joint]
         a, b = carried_by[table[:, 0]], carried_by[table[:, 1]]
@@ -208,7 +205,7 @@ class Intervals:
     """k intervals of a motion, with everything about their midpoints."""
 
     bodies: Bodies
-    interval: Index  # (k,) waypoint interval
+    interval: Rows  # (k,) waypoint interval
     start: Array  # (k,) within it, 0 to 1
     width: Array  # (k,)
     delta: Array  # (k, n) half of the joints' motion, signed, δ
@@ -225,7 +222,7 @@ class Intervals:
     latest: Array = field(default_factory=lambda: np.zeros(0))  # (k,) greatest |time| [s], where sizes are unknown
 
     @classmethod
-    def of(cls, bodies: Bodies, curve: Curve, rho: Array, interval: Index, start: Array, width: Array) -> Intervals:
+    def of(cls, bodies: Bodies, curve: Curve, rho: Array, interval: Rows, start: Array, width: Array) -> Intervals:
         """Place the bodies; `rho` is `bodies.reach(curve)`, the others are the fields of the class."""
         chain, moving = bodies.chain, bodies.moving
         middle, delta, deviation = curve.part(interval, start, width)
@@ -279,11 +276,11 @@ class Intervals:
             latest=np.abs(when),
         )
 
-    def row(self, node: Index | int, body: Index | int) -> Any:
+    def row(self, node: Rows | int, body: Rows | int) -> Any:
         """Return the rows of bodies' places on intervals."""
         return self.bodies.row[body] + node * self.bodies.step[body]
 
-    def motion(self, node: Index, body: Index, moves: Mask) -> Motion:
+    def motion(self, node: Rows, body: Rows, moves: Mask) -> Motion:
         """Return the motion of bodies (i,) on intervals (i,) due to the joints `moves` (i, n) alone, and what they
         drift."""
         delta, deviation, row = self.delta[node] * moves, self.deviation[node] * moves, self.row(node, body)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import C, Record, twin_of
 from hdplan.planner.certificate.parts import GROUP_SIZE, Parts
 from hdplan.scenes.array_types import Array, Rows
 
@@ -54,6 +54,15 @@ class Side:
         return Record("side", None if self.parts is None else self.parts.record, self.ways, self.offsets)
 
 
+def _go_on(walk: Walk, open_ones: Rows) -> int:
+    state = np.array([walk.least, walk.proven, walk.known, walk.within, walk.enough, *walk.moved])
+    place = np.array([walk.height, walk.newest])
+    left: int = C.walk(walk.a.record.struct, walk.b.record.struct, state, walk.stack, place, open_ones)
+    walk.least, walk.proven = state[:2].tolist()
+    walk.height, walk.newest = place.tolist()
+    return left
+
+
 class Walk:
     """A walk through all pairs of nodes of two bodies, and the least that is known of those behind it."""
 
@@ -87,16 +96,9 @@ class Walk:
     def go_on(self, most: int) -> Rows:
         """Settle pairs by the directions, until it is finished or `most` pairs of parts (i, 2) cannot be settled."""
         open_ones = np.empty((most, 2), np.int64)
-        if not (loop := library()):
-            left = self._go_on(open_ones)
-        else:
-            state = np.array([self.least, self.proven, self.known, self.within, self.enough, *self.moved])
-            place = np.array([self.height, self.newest])
-            left = loop.walk(self.a.record.struct, self.b.record.struct, state, self.stack, place, open_ones)
-            self.least, self.proven = state[:2].tolist()
-            self.height, self.newest = place.tolist()
-        return open_ones[:left]
+        return open_ones[: self._go_on(open_ones)]
 
+    @twin_of(_go_on)
     def _go_on(self, open_ones: Rows) -> int:
         left = 0
         while self.height > 0 and left < len(open_ones):

@@ -17,10 +17,10 @@ from hdplan.planner.certificate.followed_curve import NODES, Followed, NearEnd, 
 from hdplan.planner.certificate.path_bounds import held_by
 from hdplan.planner.certificate.path_parts import HeldAlong, Part, Stated, Valued, between_rows
 from hdplan.planner.certificate.pose_curve import PoseCurve
-from hdplan.planner.motion.curve import Curve, Index
+from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import InputError, naming
 
@@ -131,7 +131,7 @@ class PathCheck:
                 yield tool_rates.ToolRate.of(self.robot, self.chain, self.follow, motion, order, followed.rated)
 
     def _prove(
-        self, held: Stated, spans: tuple[Index, Array, Array], on: Callable[[Index, Array, Array], Valued], curve: Curve
+        self, held: Stated, spans: tuple[Rows, Array, Array], on: Callable[[Rows, Array, Array], Valued], curve: Curve
     ) -> tuple[Kept, list[Departure], int]:
         """Prove one constraint, beginning with these parts of the motion; `on` is its form on parts."""
         intervals, configurations = len(curve) - 1, 0

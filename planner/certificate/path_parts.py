@@ -6,9 +6,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from hdplan.planner.motion.curve import Index
 from hdplan.planner.motion.motion_bounds import Chain, Motion, cross
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 
 class Part(NamedTuple):
@@ -85,14 +84,14 @@ class HeldAlong(Stated, Protocol):
     """A constraint that changes with time along one motion."""
 
     @property
-    def spans(self) -> tuple[Index, Array, Array]:
+    def spans(self) -> tuple[Rows, Array, Array]:
         """Parts of the motion to begin with, which cover it in order: interval, start and width (k,)."""
 
-    def on(self, interval: Index, start: Array, width: Array) -> Valued:
+    def on(self, interval: Rows, start: Array, width: Array) -> Valued:
         """Return its form on parts of the motion."""
 
 
-def between_rows(intervals: int) -> tuple[Index, Array, Array]:
+def between_rows(intervals: int) -> tuple[Rows, Array, Array]:
     """Return all intervals between rows as parts of a motion: interval, start and width (k,)."""
     return np.arange(intervals), np.zeros(intervals), np.ones(intervals)
 

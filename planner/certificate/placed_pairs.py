@@ -11,11 +11,11 @@ import numpy as np
 from hdplan.planner.certificate.containment import Containment
 from hdplan.planner.certificate.exact_proximity import Piece
 from hdplan.planner.certificate.interval_bounds import Bounds, Items
-from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
+from hdplan.planner.certificate.intervals import Bodies, Intervals, Pairs
 from hdplan.planner.certificate.part_distance import distance
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.curve import Curve
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,12 @@ class PlacedPairs:
         self.curve, self.rho = curve, prepared.bodies.reach(curve)
         self.configurations = self.exact_calls = 0
 
-    def place(self, interval: Index, start: Array, width: Array) -> Intervals:
+    def place(self, interval: Rows, start: Array, width: Array) -> Intervals:
         """Return the bodies on parts of the curve: from a start (k,), of a width (k,), in waypoint intervals."""
         self.configurations += len(interval)
         return Intervals.of(self.bodies, self.curve, self.rho, interval, start, width)
 
-    def at_waypoints(self, rows: Index) -> Intervals:
+    def at_waypoints(self, rows: Rows) -> Intervals:
         """Return the bodies at waypoints (k,)."""
         interval = np.minimum(rows, len(self.curve) - 2)
         return self.place(interval, (rows - interval).astype(np.float64), np.zeros(len(rows)))

@@ -11,21 +11,15 @@ from functools import cached_property
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import Record, twin_of
 from hdplan.planner.certificate import places_loop
+from hdplan.planner.certificate.places_loop import CATCH_UP, LOOK_AHEAD, PARALLEL, SOONER
 from hdplan.planner.geometry.rotations import matrices_of, vectors_of
-from hdplan.planner.motion.curve import Index
 from hdplan.planner.motion.motion_bounds import cross
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.path_constraints import Follow
-
-LOOK_AHEAD = 2.0  # of the link's own way since the last node, in tolerances: how far the next place is sought
-CATCH_UP = 1.0  # tolerances that it may be farther, to catch up
-# tolerances that a place may be farther away than the nearest: where a curve turns back, its end comes later
-SOONER = 0.25
-PARALLEL = 1e-12  # sine below which two directions have no axis of their own
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +57,7 @@ class PoseCurve:
         carried = rotations[:, self.joint]
         return carried @ self.own[:3, :3], carried @ self.own[:3, 3] + origins[:, self.joint]
 
-    def at(self, segment: Index, fraction: Array) -> tuple[Array, Array]:
+    def at(self, segment: Rows, fraction: Array) -> tuple[Array, Array]:
         """Return the curve's rotations (k, 3, 3) and origins (k, 3) at fractions (k,) of segments (k,)."""
         turned = matrices_of(fraction[:, None] * self.turns[segment])
         return turned @ self.rotations[segment], self.origins[segment] + fraction[:, None] * self.steps[segment]
@@ -89,19 +83,16 @@ class PoseCurve:
         far, angle = self.tolerances
         turned = _lengths(turn_vectors(rotations[:-1], rotations[1:], self.axis))
         moved = np.hypot(_lengths(np.diff(origins, axis=0)) / far, turned / angle)
-        if loops := library():
-            how = LOOK_AHEAD, CATCH_UP, SOONER
-            found = places_loop.places(loops, self._record, how, rotations, origins, moved, first)
-        else:
-            found = self._places(rotations, origins, moved, first)
+        found = self._places(rotations, origins, moved, first)
         found[-1] = last
         return np.asarray(np.minimum(found, last))
 
     @cached_property
-    def _record(self) -> Record:
+    def record(self) -> Record:
         """The record of the curve for the loop in C."""
-        return places_loop.pose_curve(self, PARALLEL)
+        return places_loop.pose_curve(self)
 
+    @twin_of(places_loop.places)
     def _places(self, rotations: Array, origins: Array, moved: Array, first: float) -> Array:
         """Return the places (k,) at which a link is that moves on by this much (k − 1,), in tolerances."""
         far, angle = self.tolerances
@@ -183,7 +174,7 @@ class PoseCurve:
             return whole
         return first, last, float(places[first]), float(places[last])
 
-    def _turn_from(self, segment: Index, rotation: Array) -> Array:
+    def _turn_from(self, segment: Rows, rotation: Array) -> Array:
         """Return about which rotation vectors (k, 3) take the curve from where segments begin to a rotation, one
         (3, 3) or one for each (k, 3, 3)."""
         begins = self.rotations[segment]

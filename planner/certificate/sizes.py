@@ -26,13 +26,13 @@ import numpy as np
 
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.robot.tracking import tracking_of_all
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.sizes import Calibration, Uncertainty, chord
 
 if TYPE_CHECKING:
-    from hdplan.planner.certificate.intervals import Body, Index, Intervals, Pairs
+    from hdplan.planner.certificate.intervals import Body, Intervals, Pairs
 
 ROUND_UP = 1.0 + 1e-12  # what is unknown is rounded up
 FIELDS = (  # of a scene, in the order of what they cost
@@ -75,12 +75,12 @@ class Sizes(ReadOnly):
         framed = np.array([body.obstacle_motion is not None for body in bodies], dtype=bool)
         return cls(position, ROUND_UP * turn, speed, ROUND_UP * levers, origin, framed, ROUND_UP * joints, about, stand)
 
-    def elsewhere(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
+    def elsewhere(self, nodes: Intervals, pairs: Pairs, node: Rows, pair: Rows) -> Array:
         """Return by how much pairs (i,) of bodies may be closer on intervals (i,) because the obstacle, or the robot's
         base, is not at its nominal pose (i,) [m]."""
         return np.asarray(ROUND_UP * self._shares(nodes, pairs, node, pair).sum(axis=0))
 
-    def at_middle(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
+    def at_middle(self, nodes: Intervals, pairs: Pairs, node: Rows, pair: Rows) -> Array:
         """Return by how much pairs (i,) may be closer at the midpoints of intervals (i,) [m], errors of the joints
         included: the share of each of `FIELDS`, (6, i)."""
         there = nodes.instants
@@ -88,7 +88,7 @@ class Sizes(ReadOnly):
         moves = one * pairs.moves_a[pair] + other * pairs.moves_b[pair]
         return np.concatenate([self._shares(there, pairs, node, pair), [ROUND_UP * (moves @ self.joints)]])
 
-    def _shares(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
+    def _shares(self, nodes: Intervals, pairs: Pairs, node: Rows, pair: Rows) -> Array:
         """Return the summands of `elsewhere` (5, i) [m]."""
         a, b = pairs.a[pair], pairs.b[pair]
         one, other = nodes.row(node, a), nodes.row(node, b)
@@ -115,7 +115,7 @@ class Sizes(ReadOnly):
         return np.asarray(ROUND_UP * found)
 
 
-def _away(nodes: Intervals, body: Index, row: Index, origin: Array) -> Array:
+def _away(nodes: Intervals, body: Rows, row: Rows, origin: Array) -> Array:
     """Return the greatest distance of points of bodies (i,), at these rows of their places, from origins [m]."""
     return np.asarray(np.linalg.norm(nodes.center[row] - origin, axis=1) + nodes.bodies.radius[body])
 

@@ -23,11 +23,11 @@ from hdplan.planner.certificate.limit_checks import ROUNDING_JUMP
 from hdplan.planner.certificate.path_parts import Part, Valued, WithTolerance
 from hdplan.planner.certificate.rate_check import slope_of_steps
 from hdplan.planner.certificate.verdict import at_most
-from hdplan.planner.motion.curve import Curve, Index
+from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.path_constraints import Follow
 
 FIELDS = {1: "speed", 2: "acceleration"}  # of the scene, by the order of the derivative
@@ -47,11 +47,11 @@ class ToolRate(WithTolerance):
     order: int  # 1: speed; 2: acceleration
     allowed: float
     field: str
-    spans: tuple[Index, Array, Array]  # the first division of the motion
+    spans: tuple[Rows, Array, Array]  # the first division of the motion
 
     @classmethod
     def of(
-        cls, robot: Robot, chain: Chain, follow: Follow, motion: Curve, order: int, spans: tuple[Index, Array, Array]
+        cls, robot: Robot, chain: Chain, follow: Follow, motion: Curve, order: int, spans: tuple[Rows, Array, Array]
     ) -> ToolRate:
         """Look up the link; it is limited on these parts of the motion. Raises InputError as `link_frame`."""
         frame = robot.model.frames[link_frame(robot, follow.link, "path.follow")]
@@ -73,7 +73,7 @@ class ToolRate(WithTolerance):
         times = np.concatenate([[0.0], np.cumsum(self.motion.widths)])
         return slope_of_steps(np.where(np.abs(steps) > ROUNDING_JUMP, 0.0, steps), times)
 
-    def on(self, interval: Index, start: Array, width: Array) -> Valued:
+    def on(self, interval: Rows, start: Array, width: Array) -> Valued:
         """Return the limit on parts of the motion."""
         return _OnParts(self, interval, start, width)
 
@@ -89,7 +89,7 @@ class ToolRate(WithTolerance):
 @dataclass(frozen=True, eq=False)
 class _OnParts:
     whole: ToolRate
-    interval: Index
+    interval: Rows
     start: Array
     width: Array
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from hdplan.distance.baselines.gdf_batch import gdf_boxes
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.poses import placement_rows
 from hdplan.distance.symbolic.box_kernel import box_distance
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs
@@ -120,8 +121,7 @@ def _box_row(shape: Shape | ConvexBody, placement: Array, name: str) -> Array:
             frame[:3, 3] = axes @ (heights.min(axis=0) + heights.max(axis=0)) / 2
         case _:
             raise InputError(f"'{name}': a {type(shape).__name__.lower()}; this distance takes boxes only")
-    placed = placement @ frame
-    return np.concatenate([placed[:3, :3].ravel(), placed[:3, 3], half])
+    return np.append(placement_rows(placement @ frame), half)
 
 
 def _box_axes(body: ConvexBody) -> Array | None:

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import Record, twin_of
 from hdplan.planner.collision import close_pairs
 from hdplan.planner.collision.halfspace_bodies import BOX_PLANES, HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -78,15 +78,16 @@ class BodyPairs:
         body, and the box, enlarged by the margin along its axes, contains every point within the margin of the other
         body.
         """
-        if loops := library():
-            placements = kinematics.placements
-            sample, pair = close_pairs.close_rows(loops, self.tables, placements)
-        else:
-            centres, reach = _placed(kinematics, self._body_joints, self.centres), self.widest * self.radii
-            found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
-            sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        sample, pair = self._close(kinematics)
         order = np.argsort(sample, kind="stable")
         return sample[order], pair[order]
+
+    @twin_of(close_pairs.close)
+    def _close(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
+        centres, reach = _placed(kinematics, self._body_joints, self.centres), self.widest * self.radii
+        found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
+        sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return sample, pair
 
     def close_between(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
         """Close pairs on intervals between the configurations, (S,) intervals ascending, by a ball around a link body
@@ -94,10 +95,7 @@ class BodyPairs:
         centres = _placed(kinematics, self._body_joints, self.centres)
         half = np.linalg.norm(np.diff(centres, axis=1), axis=2).max(axis=1, initial=0.0) / 2
         reach, centres = self.widest * (self.radii + half), (centres[:, 1:] + centres[:, :-1]) / 2
-        if loops := library():
-            interval, pair = close_pairs.close_rows(loops, self.tables, None, centres, reach)
-        else:
-            interval, pair = self._close_to_standing(centres, reach)
+        interval, pair = self._close_to_standing(centres, reach)
         order = np.argsort(interval, kind="stable")
         return interval[order], pair[order]
 
@@ -158,6 +156,7 @@ class BodyPairs:
         balls: Array = np.linalg.norm(self.half_sizes, axis=1)
         return balls
 
+    @twin_of(close_pairs.close_to_standing)
     def _close_to_standing(self, centres: Array, reach: Array) -> tuple[Rows, Rows]:
         """`close` for the standing boxes; first all samples at once, by a ball around each body's whole motion."""
         pair, body, box = self._standing

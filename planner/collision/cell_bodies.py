@@ -7,11 +7,11 @@ import math
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import twin_of
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, few_directions
 from hdplan.planner.collision.pieces import Pieces, Planes
 from hdplan.planner.geometry.cells import CellBoxes, axes_of, cells_of, grouped
-from hdplan.planner.geometry.cells_loop import cell_boxes
+from hdplan.planner.geometry.cells_loop import cell_boxes as by_loop
 from hdplan.planner.geometry.clouds import balls_in, merged, reach
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
@@ -54,25 +54,25 @@ def pieces_of(name: str, cloud: Cloud, pose: Pose, planes: str, within: Array) -
         points, radii = found[:, :3], found[:, 3]
     placement = pose.matrix
     local = np.column_stack([(within[:, :3] - placement[:3, 3]) @ placement[:3, :3], within[:, 3]])
-    normals, supports, box, half = _planes(_cell_boxes(points, radii, local), pose, planes)
+    normals, supports, box, half = _planes(cell_boxes(points, radii, SMALL_CELL, local), pose, planes)
     count = len(half)
     every = (Planes(np.arange(count), normals, supports),) if count else ()
     known = (few_directions(planes),) if count else ()
     return Pieces((name,) * count, np.zeros(count, np.int64), every, box, half, (None,) * count, box, known)
 
 
-def _cell_boxes(points: Array, radii: Array, within: Array) -> CellBoxes:
-    """Return boxes around the points (m, 3), with radii (m,), in each small cell, but for those out of reach."""
-    if loops := library():
-        return cell_boxes(loops, points, radii, SMALL_CELL, within)
+@twin_of(by_loop)
+def cell_boxes(points: Array, radii: Array, edge: float, balls: Array) -> CellBoxes:
+    """Return boxes around the points (m, 3), with radii (m,), in each cell, but for those that touch none of the balls
+    (k, 4)."""
     near = np.zeros(len(points), dtype=np.bool_)
-    for ball in within:
+    for ball in balls:
         near |= np.linalg.norm(points - ball[:3], axis=1) <= ball[3] + radii
     points, radii = points[near], radii[near]
     if not len(points):
         nothing = np.empty((0, 3))
         return CellBoxes(np.empty((0, 3, 3)), nothing, nothing, np.empty(0))
-    order, first = grouped(points, SMALL_CELL)
+    order, first = grouped(points, edge)
     found = points[order]
     rotation = axes_of(found, first)
     return CellBoxes(rotation, *_extents(found, first, rotation), np.maximum.reduceat(radii[order], first))

@@ -10,31 +10,36 @@ them, and before that with a ball around all.
 
 from __future__ import annotations
 
-from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record
+from hdplan.distance.compiled.loops import C
 from hdplan.scenes.array_types import Array, Rows
+
+if TYPE_CHECKING:
+    from hdplan.planner.collision.broad_phase import BodyPairs
+    from hdplan.planner.kinematics.forward import KinematicsBatch
 
 FIRST_ROWS = 1 << 10  # rows that there is room for at first
 LEAST_SEPARATION = 1e-9  # [m] by which a plane must separate, so that rounding decides nothing
 
 
-def close_rows(
-    loops: ModuleType,
-    tables: Record,
-    placements: Array | None,
-    centres: Array | None = None,
-    reach: Array | None = None,
-) -> tuple[Rows, Rows]:
-    """Return samples and pairs (S,) of the rows that are close, pair by pair: at placements (batch, joints, 12), or of
-    balls of other centres (bodies, batch, 3) and reaches (bodies,), with standing boxes."""
+def close(pairs: BodyPairs, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
+    """Samples and pairs (S,) of the rows that are close, pair by pair."""
+    return _rows(pairs, kinematics.placements, None, None)
+
+
+def close_to_standing(pairs: BodyPairs, centres: Array, reach: Array) -> tuple[Rows, Rows]:
+    """The same of balls of other centres (bodies, batch, 3) and reaches (bodies,), with standing boxes."""
+    return _rows(pairs, None, np.ascontiguousarray(centres), np.ascontiguousarray(reach))
+
+
+def _rows(pairs: BodyPairs, *given: Array | None) -> tuple[Rows, Rows]:
     room = FIRST_ROWS
-    given = [None if x is None else np.ascontiguousarray(x) for x in (placements, centres, reach)]
     while True:
         sample, pair = np.empty(room, np.int64), np.empty(room, np.int64)
-        count = loops.close_rows(tables.struct, *given, LEAST_SEPARATION, sample, pair)
+        count = C.close_rows(pairs.tables.struct, *given, LEAST_SEPARATION, sample, pair)
         if count <= room:
             return sample[:count], pair[:count]
         room = count

@@ -22,7 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import C, Record, twin_of
+from hdplan.distance.poses import placement_rows
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -39,6 +40,14 @@ RADIUS_ROUNDING = 1e-12  # [–] relative, by which balls are larger
 CLUSTERED_VERTICES = 256  # vertices of a hull from which on clusters pay
 
 
+def _distances(exact: ExactPairs, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
+    distance, wrench = np.empty(len(pair)), np.empty((len(pair), 6))
+    rows = (np.ascontiguousarray(each, np.int64) for each in (sample, pair))
+    given = exact.record.struct, exact.pairs.tables.struct, kinematics.placements, *rows
+    C.exact_rows(*given, exact.far, distance, wrench)
+    return distance, wrench, distance
+
+
 class ExactPairs(PairDistance):
     """D of the pairs' solids, less the margin."""
 
@@ -50,9 +59,14 @@ class ExactPairs(PairDistance):
         self.pairs, self.parts, self.solids, self.far = pairs, parts, solids, far
 
     @property
+    def shaping(self) -> tuple[int, float, Record | None] | None:
+        """The solids, without shaping."""
+        return (1, 1.0, self.record) if C else None
+
+    @property
     def how(self) -> str:
         """Compiled, or by coal."""
-        return "exact Euclidean distance, compiled C" if library() else self._twin.how
+        return "exact Euclidean distance, compiled C" if C else self._twin.how
 
     def enlarged(self, by: float) -> ExactPairs:
         """This distance with a margin that is larger [m]."""
@@ -79,7 +93,7 @@ class ExactPairs(PairDistance):
             np.concatenate([*(each.rows for each, box in zip(held, boxes, strict=True) if not box), corners.ravel()]),
             *(np.array([each.disc for each in swept]), np.array([each.radii for each in swept])),
             np.array([each.ball for each in swept]),
-            *(np.hstack([places[:, :3, :3].reshape(-1, 9), places[:, :3, 3]]), self.pairs.margins),
+            *(placement_rows(places), self.pairs.margins),
         )
 
     @cached_property
@@ -93,17 +107,11 @@ class ExactPairs(PairDistance):
         ]
         return FclPairs(self.pairs, parts, solids)
 
+    @twin_of(_distances)
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D again, for S pairs at samples; some number above `far`
         where D is above it."""
-        loops = library()
-        if loops is None:
-            return self._twin(kinematics, sample, pair)
-        distance, wrench = np.empty(len(pair)), np.empty((len(pair), 6))
-        rows = (np.ascontiguousarray(each, np.int64) for each in (sample, pair))
-        given = self.record.struct, self.pairs.tables.struct, kinematics.placements, *rows
-        loops.exact_rows(*given, self.far, distance, wrench)
-        return distance, wrench, distance
+        return self._twin(kinematics, sample, pair)
 
 
 class _Held(NamedTuple):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import C, Record, twin_of
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision import hdsdf_loop
@@ -32,7 +32,12 @@ class HdsdfPairs(PairDistance):
     @property
     def how(self) -> str:
         """Compiled or interpreted."""
-        return f"HD-SDF, {'compiled C' if library() else 'by CasADi’s interpreter: no C compiler'}"
+        return f"HD-SDF, {'compiled C' if C else 'by CasADi’s interpreter: no C compiler'}"
+
+    @property
+    def shaping(self) -> tuple[int, float, Record | None] | None:
+        """γ and the shaping length of this distance, without solids."""
+        return (self.gamma, self.shaping_length, None) if C else None
 
     @property
     def functions(self) -> Mapping[str, Any]:
@@ -42,11 +47,9 @@ class HdsdfPairs(PairDistance):
             for count in sorted(self.pairs.plane_tables)
         }
 
+    @twin_of(hdsdf_loop.hdsdf_rows)
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs (row of the pairs) at samples."""
-        if loops := library():
-            tables = self.pairs.tables
-            return hdsdf_loop.hdsdf_rows(loops, tables, self.gamma, self.shaping_length, kinematics, sample, pair)
         distance, wrench, separation = self._by_casadi(1, kinematics, sample, pair)
         return distance[:, 0], wrench, separation[:, 0]
 

@@ -11,21 +11,22 @@ robot and no obstacle needs a compilation.
 
 from __future__ import annotations
 
-from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record
+from hdplan.distance.compiled.loops import C
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Rows
 
+if TYPE_CHECKING:
+    from hdplan.planner.collision.hdsdf import HdsdfPairs
 
-def hdsdf_rows(
-    loops: ModuleType, tables: Record, gamma: int, length: float, kinematics: KinematicsBatch, sample: Rows, pair: Rows
-) -> tuple[Array, Array, Array]:
-    """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs at samples."""
-    count, placements = len(pair), kinematics.placements
-    distance, wrench, separation = np.empty(count), np.empty((count, 6)), np.empty(count)
+
+def hdsdf_rows(hdsdf: HdsdfPairs, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
+    """D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs at samples."""
+    found = distance, wrench, separation = np.empty(len(pair)), np.empty((len(pair), 6)), np.empty(len(pair))
     rows = (np.ascontiguousarray(each, np.int64) for each in (sample, pair))
-    loops.hdsdf_rows(tables.struct, gamma, length, placements, *rows, distance, wrench, separation)
+    given = hdsdf.pairs.tables.struct, hdsdf.gamma, hdsdf.shaping_length, kinematics.placements, *rows
+    C.hdsdf_rows(*given, *found)
     return distance, wrench, separation

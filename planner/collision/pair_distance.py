@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+from hdplan.distance.compiled.loops import Record
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
@@ -17,6 +18,12 @@ class PairDistance(Protocol):
     def functions(self) -> Mapping[str, Any]:
         """The CasADi functions that it evaluates, by purpose; none by default."""
         return {}
+
+    @property
+    def shaping(self) -> tuple[int, float, Record | None] | None:
+        """γ, the shaping length [m], and the solids between which it is exact, for the loops of C. None without these,
+        and by default for a distance that they do not know."""
+        return None
 
     @property
     def how(self) -> str:

@@ -33,12 +33,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdplan.distance.compiled.cache import content_key, finite, store
-from hdplan.distance.compiled.loops import library
-from hdplan.planner.collision import separation_loop
+from hdplan.distance.compiled.loops import twin_of
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.collision.separation_loop import TIGHT_SHARE, least_bound
 from hdplan.planner.collision.shipped_bodies import known_result
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.robot.content import Parts, tree_content
@@ -48,7 +48,6 @@ from hdplan.scenes.array_types import Array, Mask, Rows
 VERSION = "4"  # to be changed with anything that changes a bound, so that old cache entries are not used
 MOST_BOXES, BUDGET = 4000, 300_000  # boxes evaluated for a pair, and for all pairs of a robot
 BATCH = 64  # of them halved at once
-TIGHT_SHARE = 0.9  # share of the least distance found at which a bound is good enough
 BOUND_ROUNDING = 1e-6  # [m] subtracted from a bound for rounding errors
 
 
@@ -68,7 +67,7 @@ def distances_kept(
     known = known_result("separation", key, lambda value: finite(value).reshape(len(pairs)))
     if known is None:
         assembled = body_pairs(bodies, planes, pairs, 0.0, kinematics.supports)
-        search = _Search(robot, kinematics, bodies, pairs, FclPairs(assembled, bodies, planes))
+        search = Search(robot, kinematics, bodies, pairs, FclPairs(assembled, bodies, planes))
         known, left = np.zeros(len(pairs)), BUDGET
         order = np.argsort(np.count_nonzero(assembled.moves, axis=1), kind="stable").tolist()
         for done, row in enumerate(order):
@@ -79,7 +78,7 @@ def distances_kept(
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
+class Search:
     """Branch and bound over the joint limits."""
 
     robot: Robot
@@ -91,16 +90,13 @@ class _Search:
     def bound(self, pair: int, wanted: float, most: int) -> tuple[float, int]:
         """Return the bound of one pair [m], 0 if it is not above `wanted`, and how many boxes were evaluated: about
         `most` at most."""
-        low, high = _ranges(self.robot, self.kinematics)
-        if loops := library():
-            a, b = (self.bodies[index] for index in self.pairs[pair])
-            hulls = (a.joint, a.body.vertices), (b.joint, b.body.vertices)
-            radii, moves = a.body.radius + b.body.radius, self.distance.pairs.moves[pair]
-            least_bound, looked = separation_loop.separation(
-                loops, self.kinematics.tree, hulls, radii, moves, (low, high), wanted, TIGHT_SHARE, most
-            )
-            proven = least_bound - BOUND_ROUNDING
-            return (proven if proven > wanted else 0.0), looked
+        least, looked = self.least_bound(pair, *_ranges(self.robot, self.kinematics), wanted, most)
+        proven = least - BOUND_ROUNDING
+        return (proven if proven > wanted else 0.0), looked
+
+    @twin_of(least_bound)
+    def least_bound(self, pair: int, low: Array, high: Array, wanted: float, most: int) -> tuple[float, int]:
+        """Return the least bound [m] over ranges of the joints (n,), and how many boxes were evaluated."""
         between = self.distance.pairs.moves[pair] != 0.0
         centres, halves = ((low + high) / 2)[None], np.where(between, (high - low) / 2, 0.0)[None]
         distances, bounds, widest = self._look(pair, centres, halves)
@@ -118,8 +114,7 @@ class _Search:
             least = min(least, float(distances.min()))
             centres, halves = np.vstack([centres[kept], inner]), np.vstack([halves[kept], half, half])
             bounds, widest = np.append(bounds[kept], inner_bounds), np.append(widest[kept], inner_widest)
-        proven = float(bounds.min()) - BOUND_ROUNDING
-        return (proven if proven > wanted else 0.0), looked
+        return float(bounds.min()), looked
 
     def _look(self, pair: int, centres: Array, halves: Array) -> tuple[Array, Array, Rows]:
         """Return the distance at the centres of K boxes, the bound over each of them (K,) [m], and the joint (K,) that

@@ -6,34 +6,25 @@ distance only decides which boxes are worth halving: the bound holds along any u
 
 from __future__ import annotations
 
-from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record
+from hdplan.distance.compiled.loops import C
 from hdplan.scenes.array_types import Array
 
+if TYPE_CHECKING:
+    from hdplan.planner.collision.separation_bounds import Search
 
-def separation(
-    loops: ModuleType,
-    tree: Record,
-    hulls: tuple[tuple[int, Array], tuple[int, Array]],
-    radii: float,
-    moves: Array,
-    ranges: tuple[Array, Array],
-    wanted: float,
-    tight: float,
-    most: int,
-) -> tuple[float, int]:
-    """Return the least bound [m] over the ranges of the joints, and how many boxes were evaluated.
+TIGHT_SHARE = 0.9  # share of the least distance found at which a bound is good enough
 
-    `hulls` are the joint and the vertices (m, 3) of either body; `moves` (n,) is 1 where a coordinate moves the first
-    alone, −1 where it moves the second alone.
-    """
-    (joint, vertices), (other, more) = hulls
-    given = map(np.ascontiguousarray, (moves, *ranges))
-    bound, looked = loops.separation(
-        *(tree.struct, joint, np.ascontiguousarray(vertices), other, np.ascontiguousarray(more), radii),
-        *(*given, wanted, tight, max(most, 0)),
+
+def least_bound(search: Search, pair: int, low: Array, high: Array, wanted: float, most: int) -> tuple[float, int]:
+    """The least bound [m] over the ranges of the joints, and how many boxes were evaluated."""
+    a, b = (search.bodies[index] for index in search.pairs[pair])
+    hulls = (each for side in (a, b) for each in (side.joint, np.ascontiguousarray(side.body.vertices)))
+    given = map(np.ascontiguousarray, (search.distance.pairs.moves[pair], low, high))
+    bound, looked = C.separation(
+        search.kinematics.tree.struct, *hulls, a.body.radius + b.body.radius, *given, wanted, TIGHT_SHARE, max(most, 0)
     )
     return float(bound), int(looked)

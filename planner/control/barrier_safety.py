@@ -38,17 +38,15 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import expit
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import C, twin_of
 from hdplan.distance.symbolic.box_kernel import axis_count
 from hdplan.planner.collision.halfspace_bodies import plane_counts
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import made_once, read_only
-
-Floats = NDArray[np.float64]
 
 LEAST_SLOPE = 1e-3  # a barrier with a smaller slope over the separation on its own boundary forbids nothing there
 DIRECTION_CELLS = 24  # cells along an edge of the cube whose grid covers all directions
@@ -69,7 +67,7 @@ def _share(size: float, gamma: int, length: float) -> float:
     return less / (1.0 + less)
 
 
-def unshaped(value: Floats | float, gamma: int, length: float) -> Floats:
+def unshaped(value: Array | float, gamma: int, length: float) -> Array:
     """Return the u ≥ 0 with Phi(u) = value, for values (...) ≥ 0.
 
     Of x = ln(u/length): (γ + 1) x − ln(1 + exp(γ x)) = ln(value/length), by Newton's method from the left, which never
@@ -101,7 +99,7 @@ def separation_bound(delta: float, gamma: int, length: float, count: int, inner:
     return float(inner ** (1 / p) * unshaped(count ** (-1 / p) * unshaped(delta, gamma, length), gamma, length))
 
 
-def least_distance(normals: Floats, delta: float, growth: float, gamma: int, length: float) -> float:
+def least_distance(normals: Array, delta: float, growth: float, gamma: int, length: float) -> float:
     """Return the least true distance [m] possible with D ≥ delta [m] for a body with these unit normals (K, 3), in any
     frame, grown by `growth` [m]: a lower bound, never less than that of `separation_bound`."""
     alike = growth + separation_bound(delta, gamma, length, len(normals), 1)
@@ -127,7 +125,7 @@ def _least_distance(normals: bytes, delta: float, growth: float, gamma: int, len
 
 
 @functools.cache
-def _around_the_ball() -> Floats:
+def _around_the_ball() -> Array:
     """Return vertices (M, 3) whose hull contains the unit ball: a grid of DIRECTION_CELLS cells along a cube's edges,
     projected from its centre. Every direction is within the diagonal of a cell, √2 · 2/DIRECTION_CELLS, of one of them
     on the cube, and closer on the ball: the cosine between the two is at least 1 − half the square of that."""
@@ -168,14 +166,17 @@ def touching_value(growth: float, gamma: int, length: float, inner: int, alike: 
     return -shaped(alike ** (-1 / p) * shaped(inner ** (1 / p) * growth, gamma, length), gamma, length)
 
 
-def straightened(distance: Floats | float, gamma: int, length: float) -> tuple[Floats, Floats]:
+def _straightened(distance: Array | float, gamma: int, length: float) -> tuple[Array, Array]:
+    given = np.asarray(distance, np.float64)
+    found = np.empty((2, *given.shape))
+    C.straightened(gamma, length, np.ascontiguousarray(given).reshape(-1), *found.reshape(2, -1))
+    return found[0], found[1]
+
+
+@twin_of(_straightened)
+def straightened(distance: Array | float, gamma: int, length: float) -> tuple[Array, Array]:
     """Return the separations u (...) [m] with D = Φ(Φ(u)), those of one normal and one pair of vertices without the
     flat spot, and dD/du there: 0 and 0 for 0."""
-    if loops := library():
-        given = np.asarray(distance, np.float64)
-        found = np.empty((2, *given.shape))
-        loops.straightened(gamma, length, np.ascontiguousarray(given).reshape(-1), *found.reshape(2, -1))
-        return found[0], found[1]
     value, slope = np.abs(np.asarray(distance)), np.where(np.asarray(distance) != 0.0, 1.0, 0.0)
     for _ in range(2):
         value = unshaped(value, gamma, length)

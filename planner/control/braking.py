@@ -19,11 +19,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import ModuleType
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import C, twin_of
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
@@ -46,6 +45,24 @@ class Command:
     def rest(cls, n: int) -> Command:
         """Return the state of n joints at rest."""
         return cls(np.zeros(n), np.zeros(n))
+
+
+def _window(rates: Rates, last: Command) -> tuple[Array, Array]:
+    sides = np.empty((2, len(rates.velocity)))
+    given = rates.acceleration, rates.jerk, last.velocity, last.acceleration, rates.velocity
+    C.braking_window(rates.period, *given, sides)
+    return sides[0], sides[1]
+
+
+def _braked(rates: Rates, velocity: Array, acceleration: Array) -> Array:
+    states = velocity.reshape(-1, velocity.shape[-1]), acceleration.reshape(-1, velocity.shape[-1])
+    room = FIRST_PERIODS
+    while True:
+        found = np.empty((room, *states[0].shape))
+        count = C.braked(rates.period, rates.acceleration, rates.jerk, *states, found)
+        if count <= room:
+            return found[:count].reshape(count, *velocity.shape)
+        room = _allowed(count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,18 +101,10 @@ class Rates:
         """The greatest change of acceleration in a period (n,)."""
         return self.period * self.jerk
 
+    @twin_of(_window)
     def window(self, last: Command) -> tuple[Array, Array]:
         """Return the least and greatest velocity (n,) of the next period from which velocity, acceleration and jerk can
         be kept for ever. From a state beyond them: acceleration before jerk, both before velocity."""
-        if loops := library():
-            sides = np.empty((2, len(self.velocity)))
-            given = self.acceleration, self.jerk, last.velocity, last.acceleration, self.velocity
-            loops.braking_window(self.period, *given, sides)
-            return sides[0], sides[1]
-        return self._window(last)
-
-    def _window(self, last: Command) -> tuple[Array, Array]:
-        """Return the same in NumPy."""
         most, step, period = self.acceleration, self.step, self.period
         low, high = (np.clip(last.acceleration + side * step, -most, most) for side in (-1.0, 1.0))
         up, down = (_root((self.velocity - side * last.velocity) / (period * step)) * step for side in (1.0, -1.0))
@@ -112,25 +121,10 @@ class Rates:
         """Return a share of the accelerations and jerks, with the same velocities."""
         return replace(self, acceleration=share * self.acceleration, jerk=share * self.jerk)
 
+    @twin_of(_braked)
     def braked(self, velocity: Array, acceleration: Array) -> Array:
         """Return the velocities (K, ..., n) of the K periods in which joints of these velocities and accelerations
         (..., n) come to rest. Raises InputError for more than MOST_PERIODS."""
-        loops = library()
-        return self._braked(velocity, acceleration) if loops is None else self._braked_by(loops, velocity, acceleration)
-
-    def _braked_by(self, loops: ModuleType, velocity: Array, acceleration: Array) -> Array:
-        """Return `braked`'s result by the loop in C."""
-        states = velocity.reshape(-1, velocity.shape[-1]), acceleration.reshape(-1, velocity.shape[-1])
-        room = FIRST_PERIODS
-        while True:
-            found = np.empty((room, *states[0].shape))
-            count = loops.braked(self.period, self.acceleration, self.jerk, *states, found)
-            if count <= room:
-                return found[:count].reshape(count, *velocity.shape)
-            room = _allowed(count)
-
-    def _braked(self, velocity: Array, acceleration: Array) -> Array:
-        """Return the same in NumPy."""
         most, step, period = self.acceleration, self.step, self.period
         rest = velocity + np.sign(acceleration) * self._coming(acceleration)  # once the acceleration is zero
         side = np.where(rest < 0.0, -1.0, 1.0)

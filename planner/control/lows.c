@@ -131,9 +131,9 @@ static int lows_among(const query* of, long long sampled, const long long* sampl
 WRAPPER(make_barrier) {
   arguments taken = begin("barrier", given, count);
   barrier of = {.pairs = record(&taken, "tables", "tables")};
-  of.solids = record_or_none(&taken, "solids", "solids");
   of.gamma = whole(&taken, "gamma", 1, 1000);
   of.length = number(&taken, "length");
+  of.solids = record_or_none(&taken, "solids", "solids");
   if (of.solids && of.pairs && (of.solids->bodies != of.pairs->bodies || of.solids->boxes != of.pairs->boxes))
     wrong(&taken, "solids", "those of the tables");
   return made(&taken, "barrier", &of, sizeof of);

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import C, Record, twin_of
 from hdplan.planner.collision.close_pairs import LEAST_SEPARATION
 from hdplan.planner.control.barrier_safety import straightened
 from hdplan.planner.control.moment import NO_ROWS, BarrierRows, Moment
@@ -64,44 +64,43 @@ class Lows(NamedTuple):
 
 def lows_near(moment: Moment, needed: Sequence[float], shaping: Shaping | None, floors: Floors) -> Lows:
     """Return the lows of Δ among the pairs that may have a D̃ below `needed` [m] (`Moment.doubtful`)."""
-    loops, levels = library(), moment.layout.levels
-    barriers = [level.barrier for _, level in levels]
-    if loops is None or None in barriers:
+    if not _looped(moment):
         return _lows_of(moment.rows, *moment.doubtful(needed), shaping, floors)
     found = _Found(moment, shaping, floors)
-    for (first, level), barrier in zip(levels, barriers, strict=True):
+    for first, level in moment.layout.levels:
         near = level.near(needed[0 if first < moment.layout.outer else 1]).tables.struct
-        found.look(loops.lows_near, barrier, near, first, LEAST_SEPARATION)
+        found.look(C.lows_near, level.barrier, near, first, LEAST_SEPARATION)
     return found.lows
+
+
+def _looped(moment: Moment) -> bool:
+    """True if the loops know the distance of all pairs."""
+    return all(level.barrier is not None for _, level in moment.layout.levels)
 
 
 def lows_among(moment: Moment, samples: Rows, pairs: Rows, shaping: Shaping | None, floors: Floors) -> Lows:
     """Return the lows of Δ of pairs (k,) among samples."""
-    loops, levels = library(), moment.layout.levels
-    barriers = [level.barrier for _, level in levels]
-    if loops is None or None in barriers:
+    if not _looped(moment):
         return _lows_of(moment.rows, *_crossed(samples, pairs), shaping, floors)
     found = _Found(moment, shaping, floors)
-    for (first, level), barrier in zip(levels, barriers, strict=True):
-        own = pairs[(pairs >= first) & (pairs < first + len(level.pairs))]
-        if len(own):
-            found.look(loops.lows_among, barrier, samples, own, own - first)
+    for level, own, inner in moment.layout.parted(pairs):
+        found.look(C.lows_among, level.barrier, samples, pairs[own], inner)
     return found.lows
 
 
-def lows_of_hulls(moment: Moment, samples: Rows, pairs: Rows, floors: Floors) -> Lows:
-    """Return the lows of the exact distance of the links' hulls in pairs (k,) among samples."""
+def _hulls_in_c(moment: Moment, samples: Rows, pairs: Rows, floors: Floors) -> Lows:
     if not moment.layout.exact:
         pairs = NO_ROWS
-    loops = library()
-    if loops is None:
-        return _lows_of(moment.nearness, *_crossed(samples, pairs), None, floors)
     found = _Found(moment, None, floors)
-    for first, level in moment.layout.levels:
-        own = pairs[(pairs >= first) & (pairs < first + len(level.pairs))]
-        if len(own):
-            found.look(loops.lows_among, level.hulls.barrier, samples, own, level.hulls.row[own - first])
+    for level, own, inner in moment.layout.parted(pairs):
+        found.look(C.lows_among, level.hulls.barrier, samples, pairs[own], level.hulls.row[inner])
     return found.lows
+
+
+@twin_of(_hulls_in_c)
+def lows_of_hulls(moment: Moment, samples: Rows, pairs: Rows, floors: Floors) -> Lows:
+    """Return the lows of the exact distance of the links' hulls in pairs (k,) among samples."""
+    return _lows_of(moment.nearness, *_crossed(samples, pairs), None, floors)
 
 
 def _crossed(samples: Rows, pairs: Rows) -> tuple[Rows, Rows]:

@@ -69,7 +69,7 @@ class PairLevel:
     @cached_property
     def barrier(self) -> Record | None:
         """For the loops in C: their struct of that name; None of a distance that they do not know."""
-        return _barrier(self.outer.distance)
+        return _barrier(self.pairs, self.outer.distance)
 
     @cached_property
     def hulls(self) -> Hulls:
@@ -82,20 +82,15 @@ class PairLevel:
         chosen = np.column_stack(np.divmod(unique, len(self._solids)))
         pairs = body_pairs(self._hulls, self._solids, chosen, 0.0, self._supports)
         distance = ExactPairs(pairs, self._hulls, self._solids, far=np.inf)
-        return Hulls(distance, row, _barrier(distance))
+        return Hulls(distance, row, _barrier(pairs, distance))
 
     def nearness(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return the exact distance of the hulls, as a `PairDistance`."""
         return self.hulls.distance(kinematics, sample, self.hulls.row[pair])
 
 
-def _barrier(distance: PairDistance) -> Record | None:
-    match distance:
-        case HdsdfPairs():
-            return Record("barrier", distance.pairs.tables, None, distance.gamma, distance.shaping_length)
-        case ExactPairs():
-            return Record("barrier", distance.pairs.tables, distance.record, 1, 1.0)
-    return None
+def _barrier(pairs: BodyPairs, distance: PairDistance) -> Record | None:
+    return Record("barrier", pairs.tables, *distance.shaping) if distance.shaping else None
 
 
 def _distance(

@@ -19,10 +19,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import library
-from hdplan.planner.job import layers_loop
 from hdplan.planner.job.following import POSE_ERROR, NotFollowedError, Places, spread
-from hdplan.planner.job.layers_loop import TURN
+from hdplan.planner.job.layers_loop import TURN, steps_between
 from hdplan.planner.job.places import poses_of
 from hdplan.planner.job.self_motions import close_branches
 from hdplan.planner.kinematics.closed_form import ClosedForm, closed_form
@@ -136,17 +134,7 @@ class Layers:
 
     def _between(self, last: Array, rows: Array) -> Array:
         """The costs (l, k) of steps to some configurations from others."""
-        if loops := library():
-            return layers_loop.steps_between(loops, last, rows, self.quick, self._circles, LARGEST_STEP)
-        cost, far = np.zeros((len(rows), len(last))), np.zeros((len(rows), len(last)), dtype=bool)
-        for joint, quick in enumerate(self.quick.tolist()):
-            step = np.subtract.outer(rows[:, joint], last[:, joint])
-            if self._circles[joint]:
-                step -= TURN * np.round(step / TURN)
-            far |= ~(np.abs(step) <= LARGEST_STEP)
-            cost += (step / quick) ** 2
-        cost[far] = np.inf
-        return cost
+        return steps_between(last, rows, self.quick, self._circles, LARGEST_STEP)
 
     def cheapest(self) -> list[int] | None:
         """Return the configuration of each layer on the cheapest way; None if there is no way."""

@@ -20,7 +20,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import C, Record
+from hdplan.distance.poses import placement_rows
 from hdplan.planner.kinematics import closed_form_loop
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.pin_model import motion_axes
@@ -90,7 +91,7 @@ class Way(NamedTuple):
     def chain(self, joints: Joints, lower: Array, upper: Array) -> Record:
         """Return the chain for the loop, with limits (k,)."""
         solved = np.setdiff1d(np.arange(len(joints.turns)), self.held)
-        tip = np.concatenate([joints.tip[:3, :3].ravel(), joints.tip[:3, 3]])
+        tip = placement_rows(joints.tip)
         places = (joints.turns, solved, joints.directions, joints.points, tip, lower, upper)
         return Record("six_joints", len(joints.turns), int(self.kind), self.first, int(self.backwards), *places)
 
@@ -124,13 +125,10 @@ class ClosedForm(NamedTuple):
     def branches_at(self, robot: Robot, target: PoseTarget, seed: Array, values: Array) -> Array:
         """Return all configurations (K, n) that bring the link to the target with the held joints at values (B, m), the
         others as in `branches`."""
-        functions = library()
-        assert functions is not None
         own = self.planned >= 0
         start = np.where(own, seed[self.planned], 0.0)
-        pose = target.pose.matrix
-        wanted = np.concatenate([pose[:3, :3].ravel(), pose[:3, 3]])
-        each = [closed_form_loop.branches(functions, chain, wanted, values, start) for chain in self.chains]
+        wanted = placement_rows(target.pose.matrix)
+        each = [closed_form_loop.branches(chain, wanted, values, start) for chain in self.chains]
         rows = each[0]
         for more in each[1:]:
             apart = np.abs(rows[:, None] - more[None]).max(axis=2, initial=0.0)
@@ -167,7 +165,7 @@ def closed_form(robot: Robot, target: PoseTarget) -> ClosedForm | None:
     """Return the closed form of a link's inverse kinematics; None where there is none: of another geometry, where
     joints that follow others move the link, any rotation is free, or hdplan was built without a C compiler. Raises
     InputError as `link_frame`."""
-    if library() is None or target.free_rotation == "all":
+    if C is None or target.free_rotation == "all":
         return None
     return _closed_form(robot, link_frame(robot, target.link, target.field), target.free_rotation)
 

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import Record, twin_of
 from hdplan.planner.kinematics import forward_loop
 from hdplan.planner.robot.pin_model import motion_axes
 from hdplan.planner.robot.robot import Robot
@@ -125,8 +125,11 @@ class Kinematics:
         values = np.atleast_2d(np.ascontiguousarray(q, dtype=np.float64))
         if values.shape[1] != self.n:  # the loops would read beyond it
             raise ValueError(f"{values.shape[1]} joint values, but the model has {self.n} joints")
-        if loops := library():
-            return KinematicsBatch(*forward_loop.forward(loops, self.tree, values, self.nj))
+        return KinematicsBatch(*self._state(values))
+
+    @twin_of(forward_loop.forward)
+    def _state(self, values: Array) -> tuple[Array, Array]:
+        """Placements (B, nj, 12) and columns (B, n, 6)."""
         count = len(values)
         capacity = 1 << max(count - 1, 0).bit_length()  # powers of two, so that there are few buffers
         mapped = self._maps.get(capacity)
@@ -134,7 +137,7 @@ class Kinematics:
             mapped = self._maps[capacity] = _MappedState(self.state.map(capacity))
         flat = mapped(values)
         placements, columns = flat[:, : 12 * self.nj], flat[:, 12 * self.nj :]
-        return KinematicsBatch(placements.reshape(count, self.nj, 12), columns.reshape(count, self.n, 6))
+        return placements.reshape(count, self.nj, 12), columns.reshape(count, self.n, 6)
 
 
 class _MappedState(threading.local):

@@ -3,17 +3,20 @@ rounding."""
 
 from __future__ import annotations
 
-from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record
+from hdplan.distance.compiled.loops import C
 from hdplan.scenes.array_types import Array
 
+if TYPE_CHECKING:
+    from hdplan.planner.kinematics.forward import Kinematics
 
-def forward(loops: ModuleType, tree: Record, q: Array, joints: int) -> tuple[Array, Array]:
-    """Return placements (B, joints, 12) and columns (B, n, 6) at configurations (B, n)."""
-    batch, n = q.shape
-    placements, columns = np.empty((batch, joints, 12)), np.empty((batch, n, 6))
-    loops.forward(tree.struct, q, placements, columns)
+
+def forward(kinematics: Kinematics, values: Array) -> tuple[Array, Array]:
+    """Placements (B, nj, 12) and columns (B, n, 6) at joint values (B, n)."""
+    batch, n = values.shape
+    placements, columns = np.empty((batch, kinematics.nj, 12)), np.empty((batch, n, 6))
+    C.forward(kinematics.tree.struct, values, placements, columns)
     return placements, columns

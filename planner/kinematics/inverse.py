@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import C, Record
+from hdplan.distance.poses import placement_rows
 from hdplan.planner.geometry.rotations import vectors_of
 from hdplan.planner.kinematics import inverse_loop
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch, kinematics_of
@@ -151,19 +152,19 @@ class Aim(NamedTuple):
 
 
 def _loops(links: tuple[LinkPose, ...], tolerances: Array) -> inverse_loop.Loops | None:
-    functions, robot, arm = library(), links[0].robot, links[0].arm
-    if functions is None or robot.linkage is not None:
+    robot, arm = links[0].robot, links[0].arm
+    if C is None or robot.linkage is not None:
         return None
     joints = np.array([link.joint for link in links], np.int64)
     freedoms = np.array([("x", "y", "z", "none", "all").index(link.target.free_rotation) for link in links], np.int64)
     placed, wanted = (
-        np.array([[*matrix[:3, :3].ravel(), *matrix[:3, 3]] for matrix in matrices])
+        placement_rows(np.array(matrices))
         for matrices in ([link.placement for link in links], [link.target.pose.matrix for link in links])
     )
     limits, rule = (tolerances.ravel(), robot.lower, robot.upper), np.array([PARALLEL_SINE, DAMPING, LONGEST_STEP])
     moved = arm.supports[joints].astype(np.int64)
     goal = Record("goal", arm.tree, joints, freedoms, moved, placed, wanted, *limits, rule)
-    return inverse_loop.Loops(functions, goal, len(links), arm.n)
+    return inverse_loop.Loops(goal, len(links), arm.n)
 
 
 def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: float = LONGEST_STEP) -> Array:

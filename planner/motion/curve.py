@@ -23,12 +23,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import read_only
-
-Index = NDArray[np.int64]
 
 FARTHEST_VALUE = 1e6  # [rad] or [m] that a control point may be from 0
 SHORTEST, LONGEST = 1e-60, 1e60  # [s] between two rows, and from time 0
@@ -92,11 +90,11 @@ class Curve:
         """Durations of the intervals (N − 1,) [s]; 1 for a path without times."""
         return np.ones(len(self.control)) if self.times is None else np.diff(self.times)
 
-    def columns(self, chosen: Index | list[int]) -> Curve:
+    def columns(self, chosen: Rows | list[int]) -> Curve:
         """Return the curve of some of the joints, or of all in another order."""
         return Curve(self.control[:, :, chosen], self.times, tuple(each[:, chosen] for each in self.given))
 
-    def at(self, interval: Index, fraction: Array) -> Array:
+    def at(self, interval: Rows, fraction: Array) -> Array:
         """Return the positions (k, n) on intervals (k,) at fractions (k,) of them."""
         control = self.control[interval]
         if self.degree == 1:
@@ -104,7 +102,7 @@ class Curve:
             return np.asarray((1.0 - fraction) * control[:, 0] + fraction * control[:, 1])
         return _left(control, fraction)[:, -1]
 
-    def interval_of(self, parameter: ArrayLike) -> tuple[Index, Array]:
+    def interval_of(self, parameter: ArrayLike) -> tuple[Rows, Array]:
         """Return the intervals in which path parameters in [0, 1] lie, and the fractions within them."""
         where = np.asarray(parameter, dtype=np.float64) * len(self.control)
         interval = np.clip(np.floor(where).astype(np.int64), 0, len(self.control) - 1)
@@ -120,7 +118,7 @@ class Curve:
         """Return the positions (…, n) at times [s], or a derivative of that order."""
         return self.over_time(order).at_parameter(self.parameter_of(time))
 
-    def place_of(self, time: Array) -> tuple[Index, Array]:
+    def place_of(self, time: Array) -> tuple[Rows, Array]:
         """Return the intervals of a curve with times in which times (…) [s] from the first row to the last lie, the one
         after a row, and the fractions within them: at rows 0 or 1 to the bit."""
         assert self.times is not None
@@ -164,7 +162,7 @@ class Curve:
         """Return the time derivative of that order."""
         return self if order == 0 else self.derivative.over_time(order - 1)
 
-    def part(self, interval: Index, start: Array, width: Array) -> tuple[Array, Array, Array]:
+    def part(self, interval: Rows, start: Array, width: Array) -> tuple[Array, Array, Array]:
         """Return midpoint, slope and deviation on parts of intervals: q_m (k, n), δ (k, n) and ε (k, n) with
 
             |q(s) − q_m − s δ| ≤ ε,   −1 ≤ s ≤ 1 over the part,   q_m = q(0) on the curve,
@@ -187,7 +185,7 @@ class Curve:
         away = np.abs(control - middle[:, None] - places * delta[:, None]).max(axis=1)
         return middle, delta, away
 
-    def _several(self, first: Index, count: int) -> tuple[Array, Array, Array]:
+    def _several(self, first: Rows, count: int) -> tuple[Array, Array, Array]:
         """Return the same over an even number of intervals each, from the first ones (k,) on."""
         control = self.control[first[:, None] + np.arange(count)]  # (k, count, d + 1, n)
         middle, delta = control[:, count // 2, 0], 0.5 * (control[:, -1, -1] - control[:, 0, 0])
@@ -195,7 +193,7 @@ class Curve:
         straight = middle[:, None, None] + places[:, :, None] * delta[:, None, None]
         return middle, delta, np.abs(control - straight).max(axis=(1, 2))
 
-    def span(self, interval: Index, start: Array, width: Array) -> tuple[Array, Array]:
+    def span(self, interval: Rows, start: Array, width: Array) -> tuple[Array, Array]:
         """Return the middle of parts of intervals and half their duration (k,) [s]; the curve must have times."""
         if self.times is None:
             raise ValueError("a path without times has no duration")
@@ -221,7 +219,7 @@ class Curve:
         low, high = self.bounds()
         return np.asarray(np.maximum(-low, high).max(axis=0))
 
-    def largest_on(self, interval: Index, start: Array, end: Array) -> Array:
+    def largest_on(self, interval: Rows, start: Array, end: Array) -> Array:
         """Return proven bounds (k, n) on the absolute values on parts of intervals (k,), from start to end (k,)."""
         return np.asarray(np.abs(_between(self.control[interval], start, end)).max(axis=1))
 

@@ -37,9 +37,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import Record, twin_of
 from hdplan.planner.motion import reach_loop
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.once import ReadOnly
 
@@ -136,10 +136,9 @@ class Chain(ReadOnly):
         wide = float(np.linalg.norm(points - along[:, None] * axis, axis=1).max()) + radius
         return wide, float(along.min()) - radius, float(along.max()) + radius
 
+    @twin_of(reach_loop.reach_around)
     def reach_around(self, joints: NDArray[np.int64], cylinders: Array, travel: Array) -> Array:
         """Return ρ (g, n) as `reach` does, for bodies on `joints` (g,) within cylinders (g, 3)."""
-        if loops := library():
-            return reach_loop.reach_around(loops, self._record, joints, cylinders, travel)
         rho = np.zeros((len(joints), len(self.axes)))
         for row, joint, cylinder in zip(rho, joints.tolist(), cylinders.tolist(), strict=True):
             for index, (wide, _, _) in self.inward(joint, cylinder, travel):
@@ -178,7 +177,7 @@ class Chain(ReadOnly):
         return steps
 
     @cached_property
-    def _record(self) -> Record:
+    def record(self) -> Record:
         """For the loops in C: their struct `chain`."""
         parents = np.array(list(self.model.parents), np.int64)
         revolute, carried = self.revolute.astype(np.int64), self.carried_by.astype(np.int64)
@@ -198,23 +197,15 @@ class Chain(ReadOnly):
             rotations[row], origins[row] = turned, moved
         return rotations, origins
 
+    @twin_of(reach_loop.local_reach)
     def local_reach(
-        self,
-        rho: Array,
-        joints: NDArray[np.int64],
-        centers: Array,
-        radii: Array,
-        axes: Array,
-        origins: Array,
-        half: Array,
+        self, rho: Array, joints: Rows, centers: Array, radii: Array, axes: Array, origins: Array, half: Array
     ) -> Array:
         """Return ρ (k, g, n) for k intervals and g bodies: the smaller of bound (a), given as `rho`, and bound (b).
 
         rho (g, n); joints (g,) that carry the bodies; centers (k, g, 3) and radii (g,) of their bounding balls; axes
         and origins (k, n, 3) of the joints, all at the midpoints; half (k, n) = |δ| + ε.
         """
-        if loops := library():
-            return reach_loop.local_reach(loops, self._record, joints, rho, (centers, radii, axes, origins, half))
         local = np.zeros((len(centers), *rho.shape))
         after = np.zeros(local.shape[:2])  # Σ_{k>j} (|δ_k| + ε_k) ρ_k
         for j in reversed(range(rho.shape[1])):

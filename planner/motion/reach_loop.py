@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record
+from hdplan.distance.compiled.loops import C
 from hdplan.scenes.array_types import Array, Rows
 
+if TYPE_CHECKING:
+    from hdplan.planner.motion.motion_bounds import Chain
 
-def reach_around(loops: ModuleType, chain: Record, joints: Rows, cylinders: Array, travel: Array) -> Array:
-    """Return the result of `Chain.reach_around`."""
+
+def reach_around(chain: Chain, joints: Rows, cylinders: Array, travel: Array) -> Array:
+    """ρ (g, n) for all configurations."""
     rho = np.zeros((len(joints), len(travel)))
-    loops.reach_around(chain.struct, joints, np.ascontiguousarray(cylinders), np.ascontiguousarray(travel), rho)
+    C.reach_around(chain.record.struct, joints, np.ascontiguousarray(cylinders), np.ascontiguousarray(travel), rho)
     return rho
 
 
-def local_reach(loops: ModuleType, chain: Record, joints: Rows, rho: Array, at: tuple[Array, ...]) -> Array:
-    """Return the value of `Chain.local_reach`; `at` holds its centers, radii, axes, origins and half."""
-    local = np.zeros((len(at[0]), *rho.shape))
-    given = map(np.ascontiguousarray, (joints, rho, *at))
-    loops.local_reach(chain.struct, *given, local)
+def local_reach(
+    chain: Chain, rho: Array, joints: Rows, centers: Array, radii: Array, axes: Array, origins: Array, half: Array
+) -> Array:
+    """ρ (k, g, n) on intervals."""
+    local = np.zeros((len(centers), *rho.shape))
+    given = map(np.ascontiguousarray, (joints, rho, centers, radii, axes, origins, half))
+    C.local_reach(chain.record.struct, *given, local)
     return local

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.markers import CARETDOWN
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.verdict import Certificate, Place, proven_length
 from hdplan.planner.motion.trajectory import Trajectory
@@ -30,8 +29,6 @@ from hdplan.planner.pictures.style import (
     plain,
 )
 from hdplan.planner.robot.robot import Robot
-
-Index = NDArray[np.int64]
 
 CLEARANCE_STEPS = 128  # intervals of the motion at whose ends distances are computed
 LANE = 0.84  # height of a joint's lane over the distance between two lanes

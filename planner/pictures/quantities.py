@@ -10,16 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.limit_checks import LimitCheck
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.joint_limits import DERIVATIVES
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.limits import QUANTITIES
-
-Index = NDArray[np.int64]
 
 ALWAYS = ("velocity", "acceleration")  # drawn for every motion with times
 POINTS = 800  # at least, of a curve that is not straight between its waypoints
@@ -68,7 +65,7 @@ def differences(trajectory: Trajectory) -> tuple[Array, Array]:
     return velocities, np.diff(velocities, axis=0) / (0.5 * (widths[1:] + widths[:-1]))
 
 
-def sampled(curve: Curve) -> tuple[Index, Array]:
+def sampled(curve: Curve) -> tuple[Rows, Array]:
     """Return the intervals (k,) and fractions within them (k,) at which a curve is drawn, including both sides of each
     waypoint."""
     intervals = len(curve) - 1

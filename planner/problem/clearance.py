@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import Record
 from hdplan.planner.collision.broad_phase import BodyPairs
-from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.pair_distance import PairDistance
@@ -76,15 +75,11 @@ class PairTerm(Term):
         gradient = (kinematics.columns[sample] @ wrench[kept, :, None])[:, :, 0] * self.pairs.moves[pair]
         return Inside(sample, pair, distance[kept], separation[kept], gradient)
 
-    def _compiled(self, kinematics: KinematicsBatch, weight: Array | None) -> tuple[float, Array, Array, Array] | None:
-        """The cost, gradient, curvature and depth of the samples in one loop of C, if everything in it is compiled."""
-        found, of = library(), self._term
-        return None if found is None or of is None else loops.penalties(found, of, kinematics, weight)
-
     @cached_property
-    def _term(self) -> Record | None:
-        """For the loops in C, if the distance is one of them."""
-        return loops.term(self.pairs, self.distance) if isinstance(self.distance, HdsdfPairs | ExactPairs) else None
+    def record(self) -> Record | None:
+        """The C struct `term`; None for a distance that has no loop of C."""
+        shaping = self.distance.shaping
+        return Record("term", self.pairs.tables, *shaping, self.pairs.moves) if shaping else None
 
     def _written(self, places: Sequence[SymbolicPlace]) -> ClosedForm:
         """The penalty of one configuration, or of one interval between two, in symbols."""
@@ -98,8 +93,8 @@ class PairTerm(Term):
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """Depth that the worst pair may have inside its margin (B,) [m], the same all along the motion."""
-        if compiled := self._compiled(kinematics, None):
-            return compiled[-1]
+        if self.record:
+            return loops.penalties(self.record, kinematics, None).depth
         inside, result = self.inside(kinematics), np.zeros(len(kinematics.placements))
         np.maximum.at(result, inside.sample, -inside.separation)
         return result
@@ -108,16 +103,11 @@ class PairTerm(Term):
 class Clearance(PairTerm):
     """The clearance of body pairs at the samples of a motion: Σ_samples w_s Σ_pairs ½ min(D, 0)²."""
 
-    @property
-    def loop(self) -> Record | None:
-        """The HD-SDF of static bodies is one."""
-        return self._term
-
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
         """The penalty at the samples of a motion."""
         weight, (batch, n) = samples.weight, kinematics.columns.shape[:2]
-        if compiled := self._compiled(kinematics, weight):
-            return Penalty(*compiled)
+        if self.record:
+            return loops.penalties(self.record, kinematics, weight)
         inside = self.inside(kinematics)
         sample, slope = inside.sample, inside.gradient
         scale = weight[sample] * inside.distance

@@ -16,13 +16,12 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
-from types import ModuleType
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import C, Record, twin_of
 from hdplan.distance.symbolic.closed import ClosedForm
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
@@ -199,34 +198,33 @@ class GravityMeasure:
         return bent
 
 
+def _penalty(term: StaticTorque, kinematics: KinematicsBatch, weight: Array | None) -> Penalty:
+    """The penalty at samples; without weights (B,) only the depth."""
+    batch, n = kinematics.columns.shape[:2]
+    count = 0 if weight is None else batch
+    found = np.zeros((count, n)), np.zeros((count, n, n)), np.zeros(batch)
+    given = kinematics.placements, kinematics.columns, weight
+    return Penalty(C.gravity_hinge(term.record.struct, *given, *found), *found)
+
+
+def _depth(term: StaticTorque, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
+    return _penalty(term, kinematics, None).depth
+
+
+def _at_samples(term: StaticTorque, kinematics: KinematicsBatch, samples: Samples) -> Penalty | None:
+    found = _penalty(term, kinematics, samples.weight)
+    return found if found.depth.any() else None
+
+
 class StaticTorque(Hinge):
     """Keeps a motion away from configurations in which gravity alone overloads a joint."""
 
     measure: GravityMeasure
-
-    def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
-        """The hinge's value, by a loop in C where there is one."""
-        if loops := library():
-            return self._by_loop(loops, kinematics, None).depth
-        return super().depth(kinematics, parameter)
-
-    def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty | None:
-        """The hinge's value, by a loop in C where there is one."""
-        if loops := library():
-            found = self._by_loop(loops, kinematics, samples.weight)
-            return found if found.depth.any() else None
-        return super().at_samples(kinematics, samples)
-
-    def _by_loop(self, loops: ModuleType, kinematics: KinematicsBatch, weight: Array | None) -> Penalty:
-        """The penalty at samples; without weights (B,) only the depth."""
-        batch, n = kinematics.columns.shape[:2]
-        count = 0 if weight is None else batch
-        found = np.zeros((count, n)), np.zeros((count, n, n)), np.zeros(batch)
-        given = kinematics.placements, kinematics.columns, weight
-        return Penalty(loops.gravity_hinge(self._record.struct, *given, *found), *found)
+    depth = twin_of(_depth)(Hinge.depth)
+    at_samples = twin_of(_at_samples)(Hinge.at_samples)
 
     @cached_property
-    def _record(self) -> Record:
+    def record(self) -> Record:
         """The C struct `gravity`."""
         measure, torques, band = self.measure, self.measure.torques, float(band_below(np.array(ARM)))
         supports, scale = torques.supports.astype(np.int64), ARM / measure.limits

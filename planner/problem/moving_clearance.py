@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hdplan.distance.poses import placement_rows
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -38,8 +39,6 @@ Placed = ObstacleMotion | Span  # where a body is at a time
 
 class MovingClearance(Clearance):
     """Clearance from moving obstacles at the times of the samples."""
-
-    loop = None  # its obstacles are placed first
 
     def __init__(
         self,
@@ -74,9 +73,8 @@ class MovingClearance(Clearance):
 
     def met(self, kinematics: KinematicsBatch, times: Array) -> KinematicsBatch:
         """The kinematics of configurations, with the obstacles' placements at times (B,) [s] after the joints'."""
-        placements = np.stack([each.at(times) for each in self.motions], axis=1)  # (B, m, 4, 4)
-        rows = np.concatenate([placements[..., :3, :3].reshape(*placements.shape[:2], 9), placements[..., :3, 3]], 2)
-        return KinematicsBatch(np.concatenate([kinematics.placements, rows], axis=1), kinematics.columns)
+        own = placement_rows(np.stack([each.at(times) for each in self.motions], axis=1))
+        return KinematicsBatch(np.concatenate([kinematics.placements, own], axis=1), kinematics.columns)
 
 
 def moving_clearance(

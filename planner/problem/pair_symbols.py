@@ -16,6 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hdplan.distance.poses import placement_rows
 from hdplan.distance.symbolic.all_planes import MOST_SIZES
 from hdplan.distance.symbolic.closed import ClosedForm
 from hdplan.distance.symbolic.rigid_motions import by_entries, twice_by_entries
@@ -101,8 +102,6 @@ class _Pieces:
         first, once = rows[first], rows[once]
         listed, moves = np.zeros((len(piece), len(body))), np.zeros((len(piece), len(body), pairs.moves.shape[1]))
         listed[b, a], moves[b, a] = 1.0, pairs.moves[rows]
-        boxes = pairs.boxes[piece]
-        flat = np.hstack([boxes[:, :3, :3].reshape(-1, 9), boxes[:, :3, 3]])
         table = pairs.plane_tables[slots][pairs.plane_row[once]]
         normals, growing = table[:, : 3 * slots].reshape(-1, 3), [growths.get(b) for b in piece.tolist()]
         supports = [np.zeros((slots, MOST_SIZES)) if each is None else each.supports for each in growing]
@@ -116,7 +115,7 @@ class _Pieces:
             ca.DM(moves.reshape(-1, moves.shape[2]).T),
             ca.DM(listed.reshape(1, -1)),
             (ca.DM(pairs.centres[body].T), ca.DM(pairs.radii[body][None])),
-            ca.DM(flat.T),
+            ca.DM(placement_rows(pairs.boxes[piece]).T),
             ca.DM(pairs.half_sizes[piece].T),
             ca.DM(np.array([each.ravel(order="F") for each in halves]).T),
             pairs.widest,

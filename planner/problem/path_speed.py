@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import C, twin_of
 from hdplan.planner.problem.terms import MotionPenalty
 from hdplan.scenes.array_types import Array
 
@@ -28,6 +28,13 @@ if TYPE_CHECKING:
 
 P = 16  # of the norm
 FASTEST_JOINT = 1e6  # [rad/s] or [m/s] the largest limit that a scene may give; a URDF's larger one counts as none
+
+
+def _value(path_speed: PathSpeed, positions: Array) -> MotionPenalty:
+    count, n = positions.shape
+    gradient, diagonal, coupling = np.zeros((count, n)), np.zeros((count, n, n)), np.zeros((count - 1, n, n))
+    cost = C.path_speed(np.ascontiguousarray(positions), path_speed.shares, gradient, diagonal, coupling)
+    return MotionPenalty(float(cost), gradient, diagonal, coupling, np.zeros(count - 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +53,11 @@ class PathSpeed:
         """V² [(rad/s)² or (m/s)²]."""
         return float(np.mean(self.limits[self.limits <= FASTEST_JOINT] ** 2))
 
+    @twin_of(_value)
     def value(self, positions: Array) -> MotionPenalty:
         """Cost, gradient and Hessian, which is exact, at waypoints (N, n); its depth is 0."""
         count, n = positions.shape
-        gradient, diagonal, coupling = np.zeros((count, n)), np.zeros((count, n, n)), np.zeros((count - 1, n, n))
-        if loops := library():
-            cost = loops.path_speed(np.ascontiguousarray(positions), self.shares, gradient, diagonal, coupling)
-            return MotionPenalty(float(cost), gradient, diagonal, coupling, np.zeros(count - 1))
+        gradient, diagonal = np.zeros((count, n)), np.zeros((count, n, n))
         x = np.diff(positions, axis=0) * self.shares
         size = np.abs(x)
         largest = size.max(axis=1, keepdims=True)

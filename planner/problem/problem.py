@@ -18,15 +18,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import Record, twin_of
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem import loops
+from hdplan.planner.problem.clearance import Clearance, PairTerm
 from hdplan.planner.problem.path_speed import PathSpeed
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
-from hdplan.planner.problem.terms import MotionPenalty, Term, nowhere
+from hdplan.planner.problem.terms import MotionPenalty, Penalty, Term, nowhere
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
@@ -35,7 +36,6 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    from hdplan.planner.problem.clearance import Clearance, PairTerm
     from hdplan.planner.problem.gravity_torque import StaticTorque
     from hdplan.planner.problem.moving_clearance import MovingClearance
     from hdplan.planner.problem.own_term import OwnTerm, WrittenTerm
@@ -189,14 +189,7 @@ class Problem:
 
     def _penalty(self, positions: Array) -> MotionPenalty:
         """The penalty with waypoints (N, m) and derivatives of all joints of the model, the variables of the terms."""
-        if compiled := library():
-            kinematics, found = self._at_samples(compiled, positions)
-        else:
-            kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
-            found = nowhere(*kinematics.columns.shape[:2])
-        for term in self.terms:
-            if not (compiled and term.loop) and (more := term.at_samples(kinematics, self.samples)):
-                found = found + more
+        found = self._at_samples(positions)
         penalty, depth = found.cost, found.depth
         slope, diagonal, coupling = self.samples.to_waypoints(found.gradient, found.curvature)
         for spanning in (term.over_motion(positions, self.kinematics) for term in self.terms):
@@ -225,11 +218,20 @@ class Problem:
             return diagonal, coupling
         return linkage.fold_blocks(diagonal), linkage.fold_blocks(coupling)
 
+    @twin_of(loops.at_samples)
+    def _at_samples(self, positions: Array) -> Penalty:
+        """The sum of the penalties at the samples of waypoints (N, m)."""
+        kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
+        found = (term.at_samples(kinematics, self.samples) for term in self.terms)
+        return sum(filter(None, found), nowhere(*kinematics.columns.shape[:2]))
+
     @cached_property
-    def _at_samples(self) -> loops.AtSamples:
-        """The terms that are loops of C."""
-        counts, found = np.array(self.samples.counts), [term.loop for term in self.terms if term.loop]
-        return loops.AtSamples(self.kinematics, counts, self.samples.fraction, self.samples.weight, found)
+    def loop(self) -> tuple[Record, tuple[Term, ...]]:
+        """The C struct `motion` of the terms that one loop of C evaluates together, and the other terms."""
+        records = {term: term.record for term in self.terms if type(term) is Clearance and term.record}
+        others, samples = tuple(term for term in self.terms if term not in records), self.samples
+        given = self.kinematics.tree, np.array(samples.counts), samples.fraction, samples.weight
+        return Record("motion", *given, tuple(records.values())), others
 
     def casadi(self, hessian: str = "exact", *, form: str = "external") -> Program:
         """The problem as a CasADi program, for Ipopt, fatrop and other solvers of CasADi's.

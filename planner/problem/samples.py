@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import twin_of
 from hdplan.planner.problem import loops
 from hdplan.scenes.array_types import Array, Rows
 
@@ -50,11 +50,10 @@ class Samples:
         fraction = self.fraction[:, None]
         return (1 - fraction) * positions[self.interval] + fraction * positions[self.interval + 1]
 
+    @twin_of(loops.to_waypoints)
     def to_waypoints(self, gradient: Array, curvature: Array) -> tuple[Array, Array, Array]:
         """Carry derivatives with respect to the samples, first (B, n) and second (B, n, n), back to the waypoints:
         gradient (N, n), diagonal blocks (N, n, n), blocks between k and k+1 (N−1, n, n)."""
-        if compiled := library():
-            return loops.to_waypoints(compiled, np.array(self.counts), self.fraction, gradient, curvature)
         n, fraction = gradient.shape[1], self.fraction[:, None]
         slope, diagonal = np.zeros((len(self.counts) + 1, n)), np.zeros((len(self.counts) + 1, n, n))
         slope[:-1] = self._sums((1 - fraction) * gradient)

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.distance.poses import check_poses
+from hdplan.distance.poses import check_poses, placement_rows
 from hdplan.distance.symbolic.all_planes import MOST_SIZES
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
 from hdplan.planner.collision.growth import sizes_of
@@ -153,8 +153,7 @@ class SymbolicPenalty:
             if given.shape not in {(4, 4), (1, 4, 4), (count, 4, 4)}:
                 allowed = "(4, 4)" if count == 1 else f"(4, 4) or ({count}, 4, 4)"
                 raise InputError(f"poses: {name}: found an array of shape {given.shape}, allowed is {allowed}")
-            every = np.broadcast_to(given, each.poses.shape)
-            found.append(np.concatenate([every[:, :3, :3].reshape(-1, 9), every[:, :3, 3]], axis=1).ravel())
+            found.append(placement_rows(np.broadcast_to(given, each.poses.shape)).ravel())
         for name, each in known.items():
             shape = sizes.get(name, each.shape)
             if name in sizes and not len(each.sizes):
@@ -203,7 +202,7 @@ class SymbolicPenalty:
         if not every:
             return [], ca.MX(FRAME, 0), ca.MX(0)
         poses, sizes = ca.vertsplit(places, [0, self._ends[len(every)], places.numel()])
-        homes = np.array([[*each.home[:3, :3].ravel(), *each.home[:3, 3]] for each in every])
+        homes = placement_rows(np.array([each.home for each in every]))
         frames = _moved().map(sum(counts))(ca.reshape(poses, 12, -1), ca.DM(np.repeat(homes, counts, axis=0).T))
         mark = ca.sum2(_rigid().map(sum(counts))(ca.reshape(poses, 12, -1)))
         change = ca.MX.zeros(MOST_SIZES, len(every))

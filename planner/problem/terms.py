@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
@@ -64,12 +63,6 @@ class Term:
     """A penalty on a motion. A term overrides `at_samples`, `over_motion` or both."""
 
     name: str  # as the user sees it
-
-    @property
-    def loop(self) -> Record | None:
-        """The term's penalty at samples as part of one loop of C, `loops.AtSamples`; None where `at_samples` is
-        called."""
-        return None
 
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty | None:
         """The penalty at the samples of a motion, with their weights; None for a term that has nothing there."""

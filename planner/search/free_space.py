@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import C, Record
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION
 from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.motion.motion_bounds import Chain
@@ -30,7 +30,7 @@ def free_space(problem: Problem, required: float) -> Record | None:
     """Return the C struct `space` of a problem with exact distances, whose motion has to keep a clearance [m]; None
     where obstacles move, and without a C compiler. It knows of no path constraints."""
     terms, robot, linkage = problem.terms, problem.robot, problem.robot.linkage
-    if not library() or not problem.exact or terms.moving_obstacles:
+    if C is None or not problem.exact or terms.moving_obstacles:
         return None
     less = problem.scene.planner.clearance - required
     chain, travel = Chain.of(robot.model), robot.unfolded.inner.T
@@ -105,9 +105,7 @@ def _reach_of(chain: Chain, bodies: Sequence[tuple[int, Shape | ConvexBody | Non
 
 def is_free(space: Record, first: Array, last: Array) -> bool:
     """True if a straight line between two configurations (n,) is proven to be free."""
-    loops = library()
-    assert loops is not None
-    return bool(loops.is_free(space.struct, first, last))
+    return bool(C.is_free(space.struct, first, last))
 
 
 def free_part(space: Record, way: Array) -> Array:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import twin_of
 from hdplan.planner.certificate.pose_goals import Miss, reached_by
 from hdplan.planner.kinematics import inverse_loop
 from hdplan.planner.kinematics.closed_form import closed_form
@@ -285,14 +285,18 @@ def _circling(robot: Robot) -> Mask:
 def _distinct(q: Array, start: Array, circling: Mask | None = None) -> Array:
     """The rows nearest to `start` first, those that are LEAST_DIFFERENCE from all before them, apart from whole turns
     of joints without limits."""
-    left = q[np.argsort(np.linalg.norm(q - start, axis=1), kind="stable")]
-    circling = np.zeros(q.shape[1], dtype=bool) if circling is None else circling
-    if functions := library():
-        return inverse_loop.distinct(functions, left, circling, LEAST_DIFFERENCE)
-    kept = []
+    nearest = q[np.argsort(np.linalg.norm(q - start, axis=1), kind="stable")]
+    return _apart(nearest, np.zeros(q.shape[1], dtype=bool) if circling is None else circling, LEAST_DIFFERENCE)
+
+
+@twin_of(inverse_loop.distinct)
+def _apart(q: Array, circling: Mask, apart: float) -> Array:
+    """Return the rows of q (B, n) that are `apart` from all before them in some joint, whole turns of joints that
+    circle (n,) not counted."""
+    left, kept = q, []
     while len(left):
         kept.append(left[0])
         way = left - left[0]
         way = np.where(circling, way - 2 * math.pi * np.round(way / (2 * math.pi)), way)
-        left = left[np.abs(way).max(axis=1) > LEAST_DIFFERENCE]
+        left = left[np.abs(way).max(axis=1) > apart]
     return np.array(kept).reshape(-1, q.shape[1])

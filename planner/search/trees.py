@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import C, Record
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import around_line
 from hdplan.scenes.array_types import Array, Rows
@@ -55,9 +55,7 @@ class Trees:
         counts, joint = np.array([len(rows) for rows in self.parents]), np.empty(2, np.int64)
         room = [np.vstack([nodes, np.empty((MOST_NODES * len(targets), nodes.shape[1]))]) for nodes in self.nodes]
         rows = [np.append(parents, np.empty(MOST_NODES * len(targets), np.int64)) for parents in self.parents]
-        loops = library()
-        assert loops is not None
-        loops.grow_trees(self.space.struct, LONGEST_LINE, targets, counts, room[0], rows[0], room[1], rows[1], joint)
+        C.grow_trees(self.space.struct, LONGEST_LINE, targets, counts, room[0], rows[0], room[1], rows[1], joint)
         self.nodes = [nodes[:count] for nodes, count in zip(room, counts, strict=True)]
         self.parents = [parents[:count] for parents, count in zip(rows, counts, strict=True)]
         if joint[0] < 0:

@@ -14,7 +14,7 @@ import functools
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import C, twin_of
 from hdplan.planner.problem.problem import Evaluation, Problem
 from hdplan.scenes.array_types import Array, Mask, Rows
 
@@ -26,19 +26,21 @@ def newton_step(problem: Problem, positions: Array, state: Evaluation, damping: 
     interior, gradient, (lower, upper) = positions[1:-1], state.gradient, problem.robot.inner
     outward = ((interior >= upper) & (gradient < 0)) | ((interior <= lower) & (gradient > 0))
     step = np.zeros_like(positions)
-    smooth = problem.smoothness.diagonals
-    if loops := library():
-        given = map(
-            np.ascontiguousarray, (gradient, smooth, state.diagonal, state.coupling, HOLDING_STIFFNESS * outward)
-        )
-        if not loops.newton_step(*given, damping, step[1:-1]):
-            raise np.linalg.LinAlgError("the Hessian is not positive definite")
-        return step
-    step[1:-1] = _by_scipy(smooth, state, outward, damping)
+    step[1:-1] = _of_interior(problem.smoothness.diagonals, state, outward, damping)
     return step
 
 
-def _by_scipy(smooth: Array, state: Evaluation, outward: Mask, damping: float) -> Array:
+def _in_c(smooth: Array, state: Evaluation, outward: Mask, damping: float) -> Array:
+    held = HOLDING_STIFFNESS * outward
+    given = map(np.ascontiguousarray, (state.gradient, smooth, state.diagonal, state.coupling, held))
+    step = np.empty_like(state.gradient)
+    if not C.newton_step(*given, damping, step):
+        raise np.linalg.LinAlgError("the Hessian is not positive definite")
+    return step
+
+
+@twin_of(_in_c)
+def _of_interior(smooth: Array, state: Evaluation, outward: Mask, damping: float) -> Array:
     from scipy.linalg import solveh_banded
 
     count, n = state.gradient.shape

@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hdplan.distance.poses import RIGID_ERROR
+from hdplan.distance.poses import RIGID_ERROR, placement_rows
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION
@@ -98,7 +98,9 @@ def _words(found: ScenePairs, prefix: str) -> dict[str, str]:
         "lower": _row(map(_number, robot.lower)),
         "upper": _row(map(_number, robot.upper)),
         "link_names": _row(map(_text, places)),
-        "link_rows": _row(f"{{{joint}, {{{_row(map(_number, _flat(place)))}}}}}" for joint, place in places.values()),
+        "link_rows": _row(
+            f"{{{joint}, {{{_row(map(_number, placement_rows(place)))}}}}}" for joint, place in places.values()
+        ),
         "obstacle_names": _row(_text(obstacle.name) for obstacle in obstacles),
         "obstacle_poses": _row(map(_number, found.poses.ravel())),
         "pair_names": _row(f"{{{_text(a)}, {_text(b)}}}" for a, b in found.names),
@@ -165,11 +167,6 @@ def _of_numbers(numbers: Numbers) -> dict[str, str]:
         "penalty": _row(map(_number, numbers.penalty)),
         "pull": _row(map(_braced, numbers.pull)),
     }
-
-
-def _flat(placement: Array) -> Array:
-    """Return a placement (4, 4) as the rotation row by row, then the origin (12,)."""
-    return np.concatenate([placement[:3, :3].ravel(), placement[:3, 3]])
 
 
 def _braced(values: Array) -> str:

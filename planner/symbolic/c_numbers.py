@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from hdplan.distance.poses import placement_rows
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.kinematics.forward import KinematicsBatch
@@ -40,8 +41,8 @@ def hdplans_numbers(found: ScenePairs, count: int) -> Numbers:
         obstacles[..., :3, :3] = turns.as_matrix().reshape(count, -1, 3, 3) @ obstacles[..., :3, :3]
         obstacles[..., :3, 3] += rng.normal(0, WAY, (count, len(movable), 3))
     kinematics = found.model.kinematics.evaluate(robot.expand(q))
-    frames = np.concatenate([obstacles[..., :3, :3].reshape(count, -1, 9), obstacles[..., :3, 3]], axis=2)
-    met = KinematicsBatch(np.concatenate([kinematics.placements, frames], axis=1), kinematics.columns)
+    placements = np.concatenate([kinematics.placements, placement_rows(obstacles)], axis=1)
+    met = KinematicsBatch(placements, kinematics.columns)
     distance, gradient = _distances(found, met, activated=False)
     grown, pulls = _distances(found, met, activated=True)
     depth = np.minimum(grown, 0.0)

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import C, twin_of
 from hdplan.planner.timing.time_laws import Stepwise
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import HdplanError
@@ -106,16 +106,18 @@ def fastest(limits: Sequence[PathRows]) -> FastestLaw:
     held, pushed = np.full((GRID + 1, 2), NO_LINE, dtype=np.int64), np.full(GRID + 1, NO_LINE, dtype=np.int64)
     law = FastestLaw(PathRows(a, b, c), np.zeros(GRID + 1), np.zeros(GRID + 1), held, pushed)
     known = np.isfinite(a).all() and np.isfinite(b).all() and not np.isnan(c).any()
-    loops = library()
-    found = known and (
-        loops.time_optimal(a, b, c, 1.0 / GRID, GREATEST_RATE, SET_ROUNDING, SLACK, *law[1:]) if loops else _law(law)
-    )
+    found = known and _law(law)
     path_speeds = np.sqrt(law.squares)
     if not found or not (path_speeds[1:] + path_speeds[:-1] > 0.0).all():
         raise HdplanError("no time law was found within the limits of velocity and acceleration")
     return law
 
 
+def _in_c(law: FastestLaw) -> bool:
+    return bool(C.time_optimal(*law.rows, 1.0 / GRID, GREATEST_RATE, SET_ROUNDING, SLACK, *law[1:]))
+
+
+@twin_of(_in_c)
 def _law(law: FastestLaw) -> bool:
     """Fill in the fastest law; whether there is one."""
     (a, b, c), x, highs, held, pushed = law

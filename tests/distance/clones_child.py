@@ -14,7 +14,7 @@ if len(sys.argv) > 1:
     spec.loader.exec_module(module)
     sys.modules["hdplan._loops"] = module
 
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import C
 from hdplan.planner.build import build
 from hdplan.planner.solvers.newton_step import newton_step
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -29,4 +29,4 @@ for name in ("panda_corridor", "planar_arm"):  # obstacles of few planes, and of
         step = newton_step(problem, motion, state, 1e-3)
         for part in (state.cost, state.gradient, state.diagonal, state.coupling, state.depth, step):
             digest.update(np.asarray(part).tobytes())
-print(getattr(library(), "__file__", None), digest.hexdigest())
+print(getattr(C, "__file__", None), digest.hexdigest())

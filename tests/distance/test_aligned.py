@@ -15,6 +15,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.poses import placement_rows
 from hdplan.distance.studies.random_poses import AXIS_TURNS
 from hdplan.distance.symbolic.box_kernel import box_distance
 from hdplan.distance.symbolic.halfspaces import box_directions, halfspace_distance, swept_halfspace_distance
@@ -124,10 +125,6 @@ HALF = np.array([0.25, 0.3, 0.2])
 PLANES = {"faces": np.vstack([np.eye(3), -np.eye(3)]), "26": box_directions()}
 
 
-def _flat(pose):
-    return np.append(pose[:3, :3].ravel(), pose[:3, 3])
-
-
 def _kernels(count, seed, planes):
     """Hold value and wrenches of both kernels, the body at one placement or swept between two, and the Hessian of the
     former, against the truth."""
@@ -146,10 +143,15 @@ def _kernels(count, seed, planes):
     swept = swept_halfspace_distance(number, len(normals), 2, 0.01)
     for one, other, b in zip(first, second, poses_b, strict=True):
         twists = rng.normal(size=(2, 6))
-        outputs = [np.array(part).ravel() for part in swept(_flat(one), _flat(other), _flat(b), row, table)]
+        outputs = [
+            np.array(part).ravel()
+            for part in swept(placement_rows(one), placement_rows(other), placement_rows(b), row, table)
+        ]
         right = extended.swept_truth(body, one, other, normals, supports, b, twists, shaping_length=0.01)
         _check_slope(right, outputs[0], np.append(*outputs[1:3]) * twists.ravel())
-        value, wrench, _, hessian = (np.array(part) for part in single(_flat(one), _flat(b), row, table))
+        value, wrench, _, hessian = (
+            np.array(part) for part in single(placement_rows(one), placement_rows(b), row, table)
+        )
         right = extended.swept_truth(body, one, None, normals, supports, b, twists, shaping_length=0.01)
         _check_slope(right, value[0], wrench[:, 0] * twists[0], twists[0][:, None] * hessian * twists[0])
 
@@ -185,7 +187,9 @@ def test_boxes_have_the_true_wrenches():
     rng = np.random.default_rng(6)
     for a, b in zip(*aligned_poses(bodies[0], bodies[1], rng, 12), strict=True):
         twist = rng.normal(size=12) * np.repeat([1.0, 0.0], 6)
-        value, wrench, _ = (np.array(part).ravel() for part in function(_flat(a), _flat(b), *boxes, 0.0))
+        value, wrench, _ = (
+            np.array(part).ravel() for part in function(placement_rows(a), placement_rows(b), *boxes, 0.0)
+        )
         right = extended.truth(bodies[0], a, bodies[1], b, twist, gamma=2, shaping_length=0.01)
         force, torque = wrench[:3], wrench[3:] - np.cross(a[:3, 3], wrench[:3])  # about A's origin
         _check_slope(right, value[0], np.append(a[:3, :3].T @ force, a[:3, :3].T @ torque) * twist[:6])

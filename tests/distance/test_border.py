@@ -20,17 +20,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import C, Record
 from hdplan.planner.build import build
 from hdplan.planner.certificate.parts import Parts
 from hdplan.planner.certificate.pose_curve import PoseCurve
-from hdplan.planner.collision import separation_loop
 from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.controller import Controller
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.tasks import standing
 from hdplan.planner.geometry.cells_loop import cell_boxes
-from hdplan.planner.job import layers_loop
+from hdplan.planner.job.layers_loop import steps_between
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.clearance import Clearance
@@ -44,8 +43,9 @@ from hdplan.scenes.limits import Limits
 from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.loops import needs_loops
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 # Together they call every function, with every optional argument there and not there.
 SCENES = ("panda_grasp", "panda_camera", "panda_conveyor")
@@ -53,11 +53,11 @@ Call = tuple[Any, ...]
 
 
 def functions() -> dict[str, Callable[..., Any]]:
-    own = vars(library() or object)
+    own = vars(C or object)
     return {name: f for name, f in own.items() if callable(f) and not isinstance(f, type) and name[0] != "_"}
 
 
-NAMES = sorted(functions()) if library() else []
+NAMES = sorted(functions()) if C else []
 # What may be None, and axes (argument, axis) of any length, with which nothing else has to agree.
 OPTIONAL = {
     "intervals": {"drift_omega", "drift_velocity", "drift_first", "drift_second"},
@@ -104,8 +104,7 @@ def run_scenes() -> None:
     for name in SCENES:
         plan(load_scene(name), seed=1)
     problem = build(load_scene("panda_cage"))
-    kinematics, loops = problem.placed(problem.polyline()), library()
-    assert loops is not None
+    kinematics = problem.placed(problem.polyline())
     for term in (*problem.terms, *exactly(problem).terms):
         if isinstance(term, Clearance):
             term.inside(kinematics)
@@ -114,7 +113,6 @@ def run_scenes() -> None:
     assert any(way is not None for way in itertools.islice(tree_ways(exactly(problem), 0.0, 0), 9))
     tree, n = problem.kinematics.tree, problem.robot.n
     corners, wide = np.eye(3), np.full(n, 0.1)
-    hulls = (n, corners), (1, corners + 3.0)
     heavy = static_torque(Setup(replace(problem.scene, limits=Limits(torque=(1.0,) * n)), problem.robot))
     assert heavy is not None
     heavy.at_samples(problem.placed(problem.samples.configurations(problem.polyline())), problem.samples)
@@ -125,9 +123,9 @@ def run_scenes() -> None:
     inverse_kinematics(replace(problem.robot), [0.4, 0.1, 0.5])  # one whose closed form is not kept
     corners_of_parts = np.random.default_rng(0).normal(size=(20, 3, 3))
     _ = Parts.of(corners_of_parts, np.zeros(20)).record.struct  # meshes of earlier tests keep theirs
-    separation_loop.separation(loops, tree, hulls, 0.1, np.ones(n), (-wide, wide), 0.0, 0.9, 9)
-    cell_boxes(loops, corners, np.full(3, 0.01), 0.04, np.tile([0.0, 0.0, 0.0, 9.0], (2, 1)))
-    layers_loop.steps_between(loops, corners[:2], corners, np.ones(3), np.array([True, False, True]), 0.1)
+    C.separation(tree.struct, n, corners, 1, corners + 3.0, 0.1, np.ones(n), -wide, wide, 0.0, 0.9, 9)
+    cell_boxes(corners, np.full(3, 0.01), 0.04, np.tile([0.0, 0.0, 0.0, 9.0], (2, 1)))
+    steps_between(corners[:2], corners, np.ones(3), np.array([True, False, True]), 0.1)
     followed = Follow("panda_hand", [Pose((0.1 * i, 0.0, 0.5)) for i in range(4)])
     curve = PoseCurve.of(problem.robot, followed)
     curve.places(curve.rotations, curve.origins, 0.0, 3.0)
@@ -139,7 +137,7 @@ def run_scenes() -> None:
 
 @pytest.fixture(scope="module")
 def recorded() -> dict[str, list[Call]]:
-    """Of every function, the first call for each pattern of Nones, with arrays that are not empty where there are."""
+    """The first call of every function for each pattern of Nones, with arrays that are not empty where there are."""
     found: dict[tuple[Any, ...], Call] = {}
 
     def recording(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -156,7 +154,7 @@ def recorded() -> dict[str, list[Call]]:
 
     with pytest.MonkeyPatch.context() as patch:
         for name, function in functions().items():
-            patch.setattr(library(), name, recording(name, function))
+            patch.setattr(C, name, recording(name, function))
         run_scenes()
     kept: dict[str, list[Call]] = {}
     for (name, nones, empty), given in found.items():
@@ -166,7 +164,7 @@ def recorded() -> dict[str, list[Call]]:
 
 
 def names_of(function: Callable[..., Any], given: Call) -> list[str]:
-    """Each argument's name, by what the border says of a call that ends before it."""
+    """Each argument's name, from the border's words on a call that ends before it."""
     names = []
     for count in range(len(given)):
         with pytest.raises(TypeError, match=r"^\w+: \w+ is missing$") as caught:
@@ -253,7 +251,7 @@ def with_one(given: Call, place: int, value: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_wrong_is_named(name: str, recorded: dict[str, list[Call]]) -> None:
+def test_a_wrong_argument_is_named(name: str, recorded: dict[str, list[Call]]) -> None:
     assert name in recorded, f"no scene of SCENES calls {name}"
     function = functions()[name]
     for given in recorded[name]:
@@ -284,7 +282,7 @@ def other_structs(recorded: dict[str, list[Call]], given: Call) -> list[list[Any
 
 
 def kind_of(struct: Any) -> str:
-    """Its kind, which `repr` says."""
+    """Kind of a struct, from its `repr`."""
     return repr(struct) if type(struct).__name__ == "Struct" else ""
 
 
@@ -342,7 +340,7 @@ def test_rows_that_are_not_there_are_refused(name: str, recorded: dict[str, list
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_written_overlaps_nothing(name: str, recorded: dict[str, list[Call]]) -> None:
+def test_outputs_overlap_nothing(name: str, recorded: dict[str, list[Call]]) -> None:
     function = functions()[name]
     for given in recorded[name]:
         arrays = [place for place, each in enumerate(given) if isinstance(each, np.ndarray) and each.size]
@@ -451,7 +449,7 @@ def test_structs_are_made_by_their_functions_alone(recorded: dict[str, list[Call
 
 @pytest.fixture(scope="module")
 def frozen() -> Iterator[None]:
-    """What stands already is left out of collections, each of which would take half a second with it."""
+    """Objects that stand already are left out of collections, each of which would take half a second with them."""
     gc.collect()
     gc.freeze()
     yield
@@ -516,7 +514,7 @@ def test_a_pickled_record_makes_its_struct_again(recorded: dict[str, list[Call]]
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="no fork on this system")
 def test_structs_outlive_a_fork(recorded: dict[str, list[Call]], tmp_path: Path) -> None:
-    """In a process of its own: this one may have threads, which do not survive a fork."""
+    """A process of its own forks: this one may have threads, which do not survive a fork."""
     given, placed = tree_of(recorded)
     program = """
 import os, pickle, sys

@@ -70,7 +70,7 @@ def test_another_users_folder_is_not_used(home: Path, whose: str) -> None:
 
 
 def test_a_link_to_a_folder_of_others_is_not_used(home: Path, tmp_path: Path) -> None:
-    """What counts is the folder to which a link leads."""
+    """The folder to which a link leads counts."""
     theirs = tmp_path / "theirs"
     theirs.mkdir()
     theirs.chmod(0o777)

@@ -128,7 +128,7 @@ def test_finite_and_right(hard, name):
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize(("case", "dtype"), BATCH)
 def test_batch_is_finite_and_right(case, dtype):
-    """In float32 as far as its digits go."""
+    """Float32 agrees as far as its digits go."""
     settings = _batch_settings(case)
     found = evaluator("jax", case.body_a, case.body_b, dtype=dtype, **settings)(case.pose_a, case.pose_b)
     if dtype == "float32" and 0 < abs(case.distance) < 1e-30:
@@ -140,7 +140,7 @@ def test_batch_is_finite_and_right(case, dtype):
 
 @pytest.mark.sampled(9)
 def test_exact_normal_makes_separation_exact(hard):
-    """With the oracle's normal as a witness; so any set can be made to see."""
+    """The oracle's normal as a witness makes any set see."""
     exact = signed_distance(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b)
     normal = hard.pose_b[:3, :3].T @ exact.normal
     found = separation(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b, witnesses=normal[None])

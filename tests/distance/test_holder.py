@@ -98,7 +98,7 @@ def test_gamma_is_a_positive_integer(gamma):
 @pytest.mark.parametrize("gamma", GAMMAS)
 @pytest.mark.parametrize("x", HARD, ids=str)
 def test_shaped_minimum_is_finite_and_the_derivative_of_itself(x, gamma, tolerance):
-    """At hard values, by Euler's theorem: u is homogeneous of degree 1, and its gradient of degree 0."""
+    """Euler's theorem at hard values: u is homogeneous of degree 1, and its gradient of degree 0."""
     counts = [1, 2, 3, 4]
     value, gradient, hessian = shaped_minimum(x, gamma, LENGTH, counts)
     u = holder_minimum(x, gamma, counts)

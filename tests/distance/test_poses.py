@@ -163,7 +163,7 @@ def test_rounding_passes():
 
 
 def test_a_graph_reads_nan():
-    """Where nothing can be refused: CasADi's functions, at either body."""
+    """CasADi's functions, which can refuse nothing, at either body."""
     flat = {True: np.append(np.eye(3).ravel(), np.zeros(3)), False: np.append(2 * np.eye(3).ravel(), np.zeros(3))}
     body, planes = np.append(CUBE.vertices.ravel(), [*np.ones(8), 0.0]), np.append(CUBE.faces.ravel(), np.full(6, 0.5))
     box = np.concatenate([np.eye(3).ravel(), np.zeros(3), np.full(3, 0.5)])
@@ -191,7 +191,7 @@ def test_a_graph_reads_nan():
     ids="-".join,
 )
 def test_a_touch_reads_as_a_gap_of_four_ulp_at_most(names):
-    """Of the bodies' extents and their distance from the origin; 2.8 is the most that was found."""
+    """Ulp of the bodies' extents and their distance from the origin; 2.8 is the most that was found."""
     body_a, body_b = (BODIES[name] for name in names)
     a, b = touching_poses(body_a, body_b, np.random.default_rng(7), 1000)
     size = body_a.reach + body_b.reach + np.maximum(np.abs(a[:, :3, 3]).max(1), np.abs(b[:, :3, 3]).max(1))

@@ -69,7 +69,7 @@ def test_never_more_than_the_exact_distance(names):
 @pytest.mark.slow
 @pytest.mark.parametrize("normals", SETS)
 def test_never_more_than_the_exact_distance_at_half_a_million_poses(normals):
-    """As generated C: 500,000 poses over all sets and pairs."""
+    """Generated C: 500,000 poses over all sets and pairs."""
     count = -(-500_000 // (len(SETS) * len(PAIRS)))
     for number, names in enumerate(PAIRS):
         body_a, body_b = (BODIES[name] for name in names)
@@ -81,7 +81,7 @@ def test_never_more_than_the_exact_distance_at_half_a_million_poses(normals):
         assert np.all(value[found > 1e-60] > 0)
 
 
-def test_it_has_the_sign_of_the_distance_and_no_jump_at_one_centre():
+def test_separation_has_the_sign_of_the_distance_and_no_jump_at_one_centre():
     """A box on a box of the same centre: the axis between the centres has no direction there and says nothing."""
     cube = BODIES["box"]
     here = np.eye(4)

@@ -52,27 +52,27 @@ POSE_A, POSE_B = paper_poses(np.random.default_rng(3), POSES)
 
 
 def arrays(found: Any) -> list[Array]:
-    """What was found, as arrays to compare."""
+    """Results as arrays to compare."""
     return [np.asarray(part) for part in (found if isinstance(found, tuple | list) else (found,))]
 
 
-def each(ask: Callable[[Array, Array], Any]) -> Query:
-    """Asks pose by pose."""
+def each(run: Callable[[Array, Array], Any]) -> Query:
+    """Query pose by pose."""
 
     def query(rows: Array) -> list[Array]:
-        one_by_one = [arrays(ask(POSE_A[k], POSE_B[k])) for k in rows]
+        one_by_one = [arrays(run(POSE_A[k], POSE_B[k])) for k in rows]
         return [np.array(parts) for parts in zip(*one_by_one, strict=True)]
 
     return query
 
 
-def at_once(ask: Callable[[Array, Array], Any]) -> Query:
-    """Asks for all poses in one call."""
-    return lambda rows: arrays(ask(POSE_A[rows], POSE_B[rows]))
+def at_once(run: Callable[[Array, Array], Any]) -> Query:
+    """Query of all poses in one call."""
+    return lambda rows: arrays(run(POSE_A[rows], POSE_B[rows]))
 
 
 def rows_of(function: ca.Function, interpreted: bool = False) -> Query:
-    """Asks a kernel for random rows of random tables."""
+    """Query of random rows of random tables by a kernel."""
     kernel = RowFunction(function)
     kernel.is_compiled = kernel.is_compiled and not interpreted
     rng = np.random.default_rng(5)
@@ -117,7 +117,7 @@ def fields(proximity: Any) -> list[Any]:
     return [proximity.distance, proximity.point_a, proximity.point_b]
 
 
-# how a thread comes by the distance, and how many poses it asks
+# how a thread comes by the distance, and for how many poses
 WITNESSES: dict[str, tuple[Callable[[], Query], int]] = {
     "hdsdf": (lambda: each(lambda a, b: hdsdf(A, a, B, b)), FEW),
     "separation": (lambda: each(lambda a, b: separation(A, a, B, b)), FEW),
@@ -150,7 +150,7 @@ def _call(function: ca.Function, a: Array, b: Array) -> Array:
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", WITNESSES)
 def test_threads_get_what_one_gets_alone(name: str) -> None:
-    """Each asks for the poses in an order of its own, from an object that all share, and again from one of its own."""
+    """Each takes the poses in an order of its own, from an object that all share, and again from one of its own."""
     make, count = WITNESSES[name]
     shared = make()
     alone = shared(np.arange(count))

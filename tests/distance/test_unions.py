@@ -170,7 +170,7 @@ def test_neither_order_nor_grouping_of_pieces_matters(name, poses):
 @pytest.mark.sampled(17)
 @pytest.mark.parametrize("name", ["numpy", "casadi"])
 def test_copies_count_at_every_hard_pose(name, hard):
-    """Of n equal pieces D is n^(∓1/p) times the piece's, with all derivatives: touching, aligned, tiny and huge."""
+    """D of n equal pieces is n^(∓1/p) times the piece's, with all derivatives: touching, aligned, tiny and huge."""
     gamma, alone = 2, (hard.body_a, hard.body_b)
     united = ConvexBody.union([hard.body_a] * 3), hard.body_b
     one, many = (evaluator(name, *pair, gamma=gamma)(hard.pose_a, hard.pose_b) for pair in (alone, united))
@@ -236,7 +236,7 @@ def test_hard_poses_in_many_digits(name, case):
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("gamma", [32, 1, 2])
 def test_a_hundred_pieces_overflow_nothing(gamma):
-    """Of all scales, near and far; and D is where ``unions`` says, at m = min D_kl or within N^(∓1/p) of it."""
+    """Pieces of all scales, near and far; D lies, as ``unions`` proves, at m = min D_kl or within N^(∓1/p) of it."""
     rng = np.random.default_rng(4)
     pieces = [
         _shifted(ConvexBody.sphere(10.0**power), *(rng.normal(size=3) * 10.0 ** (power + 1)))
@@ -373,7 +373,7 @@ def test_fcl_agrees(poses):
     np.testing.assert_allclose(found.distances, signed_distances(BALLS, poses[0], BODIES["box"], poses[1]), atol=1e-8)
 
 
-def test_in_overlap_the_least_of_the_pairs_is_above_the_signed_distance():
+def test_the_least_of_overlapping_pairs_is_above_the_signed_distance():
     """A cube is cut in two: a small one inside is 0.1 m deep in either half, but 0.6 m in the cube."""
     half = ConvexBody.box([0.5, 1.0, 1.0])
     cut = ConvexBody.union([_shifted(half, 0.25, 0, 0), _shifted(half, -0.25, 0, 0)])

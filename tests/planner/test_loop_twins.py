@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.kinematics import forward
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.motion import motion_bounds
@@ -22,11 +21,12 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.solvers import newton_step
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec
+from tests.loops import in_numpy, needs_loops
 
 ODD = (5e-324, -5e-324, 1e-310, 0.0, -0.0, 1e150, -1e150)
 NOT_FINITE = (np.nan, np.inf, -np.inf)
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 
 def odd(rng: np.random.Generator, shape: tuple[int, ...], among: tuple[float, ...], share: float = 0.3) -> Array:
@@ -47,7 +47,7 @@ def test_forward(batch: int, pr2: Robot, monkeypatch: pytest.MonkeyPatch) -> Non
     assert found.placements.shape == beyond.placements.shape == (batch, kinematics.nj, 12)
     if batch == 0:
         return
-    monkeypatch.setattr(forward, "library", lambda: None)
+    in_numpy(monkeypatch, forward)
     twin = kinematics.evaluate(q)
     scale = max(np.abs(twin.placements).max(), 1.0)
     np.testing.assert_allclose(found.placements, twin.placements, rtol=0, atol=1e-12 * scale)
@@ -60,7 +60,7 @@ def test_to_waypoints(counts: tuple[int, ...], n: int, monkeypatch: pytest.Monke
     rng, of = np.random.default_rng(n), Samples(counts)
     given = odd(rng, (sum(counts), n), ODD), odd(rng, (sum(counts), n, n), ODD)
     found = of.to_waypoints(*given)
-    monkeypatch.setattr(samples, "library", lambda: None)
+    in_numpy(monkeypatch, samples)
     for one, twin in zip(found, of.to_waypoints(*given), strict=True):
         np.testing.assert_allclose(one, twin, rtol=1e-12, atol=1e-12 * np.abs(twin).max())
 
@@ -81,7 +81,7 @@ def test_newton_step(waypoints: int, n: int, monkeypatch: pytest.MonkeyPatch) ->
     problem: Any = SimpleNamespace(robot=SimpleNamespace(inner=limits), smoothness=SimpleNamespace(diagonals=smooth))
     positions = rng.choice([-0.3, 0.0, 0.1, 0.3], (waypoints + 2, n))
     found = newton_step.newton_step(problem, positions, state, 1e-3)
-    monkeypatch.setattr(newton_step, "library", lambda: None)
+    in_numpy(monkeypatch, newton_step)
     twin = newton_step.newton_step(problem, positions, state, 1e-3)
     np.testing.assert_allclose(found, twin, rtol=1e-7, atol=1e-9 * np.abs(twin).max())
 
@@ -96,7 +96,7 @@ def test_path_speed(waypoints: int, n: int, monkeypatch: pytest.MonkeyPatch) -> 
         positions = np.cumsum(size * rng.normal(size=(waypoints, n)) * rng.choice([0.0, 1.0], (waypoints, 1)), axis=0)
         loop = cost.value(positions)
         with monkeypatch.context() as patch:
-            patch.setattr(path_speed, "library", lambda: None)
+            in_numpy(patch, path_speed)
             twin = cost.value(positions)
         for found, expected in zip(vars(loop).values(), vars(twin).values(), strict=True):
             np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max(initial=0.0))
@@ -112,6 +112,6 @@ def test_reach(count: int, pr2: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     at.append(odd(rng, (intervals, n), ODD[:5]))  # 0 times what is not a number is not one: only the twin multiplies
     rho = chain.reach_around(joints, cylinders, travel)
     local = chain.local_reach(rho, joints, *at)
-    monkeypatch.setattr(motion_bounds, "library", lambda: None)
+    in_numpy(monkeypatch, motion_bounds)
     with np.errstate(invalid="ignore"):
         np.testing.assert_allclose(local, chain.local_reach(rho, joints, *at), rtol=1e-13, atol=1e-15)

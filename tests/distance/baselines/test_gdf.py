@@ -71,7 +71,7 @@ def test_the_gradient_is_the_derivative_by_as_translation():
 
 @pytest.mark.parametrize("names", PLATONIC_PAIRS, ids="-".join)
 def test_zero_where_the_bodies_overlap(names, random_poses):
-    """From outside the iteration creeps towards the common part, where both functions are flat; in it, it stays."""
+    """The iteration creeps from outside towards the common part, where both functions are flat; in it, it stays."""
     body_a, body_b = map(ConvexBody.platonic, names)
     pose_a, pose_b = random_poses(6, 2, 0.1)  # the smallest inscribed ball has a radius of 1/3 m
     inside = 0.5 * (pose_a + pose_b)[:3, 3]

@@ -97,7 +97,7 @@ def test_epsilon_is_a_shaping_length(poses):
 
 
 def test_derivatives_are_those_of_the_value(poses, tolerance):
-    """Against central differences of the reference's value along rigid motions of either body."""
+    """Central differences of the reference's value along rigid motions of either body."""
     length, h = 0.1, 1e-6
     distance = hdsdf_batch(BOX, CAPSULE, shaping_length=length)
     a, b = poses
@@ -304,7 +304,7 @@ def _at_rest(shift):
         pytest.param(True, (BOX, CAPSULE), lambda f: f, id="float64 allowed, without jit", marks=pytest.mark.slow),
     ],
 )
-def test_it_composes_with_the_transformations_of_jax(allowed, bodies, whole):
+def test_the_batch_composes_with_the_transformations_of_jax(allowed, bodies, whole):
     """grad, hessian, jit, vmap and scan, in any order, aligned as the bodies are: what the closed forms say."""
     distance, place = hdsdf_batch(*bodies), np.eye(4)
     place[:3, 3] = [0.75, 0.1, 0.1]
@@ -365,7 +365,7 @@ def test_float32_far_from_the_origin_is_float32_at_the_origin():
         np.testing.assert_allclose(least, b[:, 0, 3] - away - 1.0, atol=2e-7)
 
 
-def test_what_a_type_cannot_hold_is_refused_and_what_it_can_is_finite():
+def test_values_beyond_a_type_are_refused_and_all_others_are_finite():
     """A size of 1e38 m gave NaN in float32, a shaping length of 1e-40 m a touch that read as apart."""
     for size, length in ((1e14, 1e-3), (1e-15, 1e-30), (1.0, 1e6)):
         cube = ConvexBody.box(np.full(3, size))

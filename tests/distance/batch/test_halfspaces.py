@@ -42,7 +42,7 @@ def defined(points: Array, drawn: list[tuple[Array, ...]], gamma: int) -> Array:
 
 @pytest.mark.parametrize(("gamma", "x64"), [(1, True), (2, True), (32, False)])
 def test_value_and_slope_are_the_definitions_however_many_at_once(gamma: int, x64: bool) -> None:
-    """In single precision too, where powers of a distance would overflow."""
+    """Single precision too, where powers of a distance would overflow."""
     drawn = [bodies(seed) for seed in range(20)]
     points, weights, radius, planes = (np.stack(each) for each in zip(*drawn, strict=True))
     pairs = tuple(part[:, None] for part in (weights, radius, planes))  # each at five places
@@ -68,7 +68,7 @@ def test_value_and_slope_are_the_definitions_however_many_at_once(gamma: int, x6
 
 
 def test_second_derivatives_are_the_slopes_of_the_first_where_vertices_tie_too() -> None:
-    """By points, radius and planes, outside and in contact."""
+    """Derivatives by points, radius and planes, outside and in contact."""
     several, weights, *rest = bodies(3)
 
     def of(points: Any, radius: Any, planes: Any) -> Any:

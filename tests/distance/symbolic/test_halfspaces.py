@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from hdplan.distance import holder
 from hdplan.distance.baselines.coal import signed_distance
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.poses import placement_rows
 from hdplan.distance.symbolic.halfspaces import FAR_OFFSET, box_directions, halfspace_distance
 from hdplan.scenes.array_types import Array
 
@@ -37,10 +38,6 @@ def planes_of(body: ConvexBody) -> tuple[Array, Array]:
     normals = np.vstack([body.faces[:20], box_directions(), random / np.linalg.norm(random, axis=1, keepdims=True)])
     normals = normals[:PLANES]
     return normals, (normals @ body.vertices.T).max(axis=1) + body.radius
-
-
-def placement(pose: Array) -> Array:
-    return np.append(pose[:3, :3].ravel(), pose[:3, 3])
 
 
 def body_row(body: ConvexBody, slots: int = SLOTS) -> Array:
@@ -70,8 +67,8 @@ def evaluate(
     """D (B,) and wrenches (B, 6) at poses (B, 4, 4)."""
     function = mapped(slots, len(supports), gamma, length, len(poses_a))
     distance, wrench, _ = function(
-        np.array([placement(pose) for pose in poses_a]).T,
-        np.array([placement(pose) for pose in poses_b]).T,
+        np.array([placement_rows(pose) for pose in poses_a]).T,
+        np.array([placement_rows(pose) for pose in poses_b]).T,
         body_row(body_a, slots),
         np.append(normals.ravel(), supports),
     )
@@ -192,7 +189,7 @@ def test_separation_is_the_plain_form_and_never_more_than_the_distance(pair, ran
     for spread in (0.2, 0.6, 1.5):
         poses_a, poses_b = random_poses(54, 6, spread), random_poses(55, 6, spread)
         for a, b in zip(poses_a, poses_b, strict=True):
-            placed = placement(a), placement(b), body_row(body_a), np.append(normals.ravel(), supports)
+            placed = placement_rows(a), placement_rows(b), body_row(body_a), np.append(normals.ravel(), supports)
             distance, _, separation = (np.array(x).ravel() for x in mapped(SLOTS, PLANES, 8, LENGTH, 1)(*placed))
             local = (body_a.vertices @ a[:3, :3].T + a[:3, 3] - b[:3, 3]) @ b[:3, :3]
             plain = (normals @ local.T - body_a.radius - supports[:, None]).min(axis=1).max()
@@ -204,7 +201,7 @@ def test_separation_is_the_plain_form_and_never_more_than_the_distance(pair, ran
 @pytest.mark.core
 @pytest.mark.parametrize("gamma", [1, 2, 4])
 def test_wrench_is_the_derivative(bodies, random_poses, gamma: int) -> None:
-    """By central differences of D along motions of A; along the same motions of B it is minus that."""
+    """Central differences of D along motions of A; along the same motions of B the opposite."""
     length, names = 0.1, ("box", "capsule", "swept octahedron", "sphere", "triangle")  # wide: D smooth at every pose
     step = 1e-5 * length
     for number, name in enumerate(names):

@@ -175,7 +175,7 @@ def test_compiled_once_and_found_again(cache: Path, runs: list[int]) -> None:
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("damage", [b"", b"not a library", None], ids=["empty", "text", "cut short"])
 def test_a_damaged_entry_is_compiled_again(cache: Path, runs: list[int], damage: bytes | None) -> None:
-    """Also for functions of the same name but another content, so that no library is loaded already."""
+    """Functions of the same name have another content here, so that no library is loaded already."""
     x, y = ca.SX.sym("x", 3), ca.SX.sym("y", 2)
     number = {b"": 2.0, b"not a library": 3.0, None: 4.0}[damage]
     function = ca.Function("damaged", [x, y], [number * ca.sin(x) * y[0]])

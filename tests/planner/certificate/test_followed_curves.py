@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import hdplan
 from hdplan import InputError, PlanarBase, Trajectory
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.certificate import pose_curve, tool_rates
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.followed_curve import OnCurve, TurnedAlong
@@ -22,6 +21,7 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.robot.setup import Setup
+from tests.loops import in_numpy, needs_loops
 
 LIMITS = hdplan.Limits(velocity=50.0, acceleration=1e5)
 TOOLS = {"panda": "panda_hand_tcp", "wheeled": "panda_hand_tcp", "ur5": "ee_link"}
@@ -292,7 +292,7 @@ def test_bad_curves_are_refused() -> None:
         hdplan.plan(setup.requested)
 
 
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 @pytest.mark.parametrize("axis", ["none", "z"])
 def test_places_in_c_are_those_in_numpy(axis: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Poses of the random curves repeat or turn back; places are near them and anywhere else."""
@@ -314,7 +314,7 @@ def test_places_in_c_are_those_in_numpy(axis: str, monkeypatch: pytest.MonkeyPat
                 given = rotations, near, begins, len(kept) - 1.0
                 found.append(curve.places(*given))
                 with monkeypatch.context() as without:
-                    without.setattr(pose_curve, "library", lambda: None)
+                    in_numpy(without, pose_curve)
                     np.testing.assert_allclose(found[-1], curve.places(*given), rtol=0, atol=1e-9)
                 assert (np.diff(found[-1]) >= 0.0).all()
                 assert found[-1][0] == begins

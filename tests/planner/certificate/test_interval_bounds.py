@@ -19,6 +19,7 @@ from hdplan.planner.certificate.intervals import Intervals
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from tests.loops import in_numpy
 
 SAME = 1e-13  # [m] sums of three products, in another order
 LOOKS = 5  # places on an interval at which the exact distance is compared
@@ -102,7 +103,7 @@ def test_the_loop_in_c_is_the_one_in_numpy(assembled: LaidOut, monkeypatch: pyte
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     normal[::7, 1] = np.nan  # nothing may pass for proven
     compiled = bounds.by_plane(intervals, items, normal)
-    monkeypatch.setattr(interval_bounds, "library", lambda: None)
+    in_numpy(monkeypatch, interval_bounds)
     for found, expected in zip(compiled, bounds.by_plane(intervals, items, normal), strict=True):
         np.testing.assert_allclose(found, expected, rtol=0, atol=SAME)
     for found in compiled[:2]:
@@ -116,7 +117,7 @@ def test_no_items_have_no_bounds(assembled: LaidOut, monkeypatch: pytest.MonkeyP
     for _ in range(2):
         assert [len(found) for found in bounds.by_ball(intervals, none)] == [0, 0]
         assert [len(found) for found in bounds.by_best_plane(intervals, none)] == [0, 0, 0, 0]
-        monkeypatch.setattr(interval_bounds, "library", lambda: None)
+        in_numpy(monkeypatch, interval_bounds)
 
 
 def test_a_bound_over_all_is_no_better_than_over_one(assembled: LaidOut) -> None:
@@ -142,7 +143,7 @@ def test_balls_in_c_are_those_in_numpy(assembled: LaidOut, monkeypatch: pytest.M
     bounds, count = Bounds(certifier.sweep.bodies, certifier.sweep.pairs), len(certifier.sweep.pairs.a)
     items = Items.all(4, np.arange(count))
     compiled = bounds.by_ball(intervals, items)
-    monkeypatch.setattr(interval_bounds, "library", lambda: None)
+    in_numpy(monkeypatch, interval_bounds)
     plain = bounds.by_ball(intervals, items)
     known = ~np.isnan(plain[0])
     assert not known.all()

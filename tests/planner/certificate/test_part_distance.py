@@ -27,6 +27,7 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacle_motion import ObstacleMotion
+from tests.loops import in_numpy
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -192,7 +193,7 @@ def test_no_bound_is_above_the_distance_anywhere_on_the_interval(
 ) -> None:
     """Two bodies that turn and slide: x(s) = R(s) x + s v, with a remainder of at most ½ angle² ‖x‖."""
     if not compiled:
-        monkeypatch.setattr(parts_loop, "library", lambda: None)
+        in_numpy(monkeypatch, parts_loop)
     rng, sharp = np.random.default_rng(4), []
     shapes = meshes(rng)
     for one, other in [("L", "torus"), ("U", "star"), ("shell", "U"), ("soup", "slivers")]:
@@ -225,7 +226,7 @@ def test_a_bound_that_need_not_be_exact_is_still_no_more_than_the_distance(
     compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not compiled:
-        monkeypatch.setattr(parts_loop, "library", lambda: None)
+        in_numpy(monkeypatch, parts_loop)
     rng = np.random.default_rng(5)
     shapes = meshes(rng)
     a, b = surface(shapes["torus"]), surface(shapes["star"])
@@ -246,7 +247,7 @@ def test_the_loop_in_c_is_the_one_in_python(monkeypatch: pytest.MonkeyPatch) -> 
     shapes = [surface(mesh) for mesh in meshes(rng).values()]
     places = [(a, pose(rng, 0.1), b, pose(rng, 0.6)) for a, b in itertools.combinations(shapes, 2)][:12]
     compiled = [distance(*each) for each in places]
-    monkeypatch.setattr(parts_loop, "library", lambda: None)
+    in_numpy(monkeypatch, parts_loop)
     np.testing.assert_allclose([distance(*each) for each in places], compiled, rtol=0, atol=SAME)
 
 

@@ -15,10 +15,9 @@ from hdplan.planner.certificate.torque_check import check_torques
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
+from hdplan.scenes.array_types import Array
 
 from ..urdf import joint_text, link_text, write_robot
-
-Floats = NDArray[np.float64]
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes" / "shipped"
 UPRIGHT = Pose((0, 0, 1), (0.7071067811865476, 0, 0, 0.7071067811865476))  # the planar arm in a vertical plane
@@ -51,7 +50,7 @@ def _wild(robot: Robot, seed: int) -> Curve:
     return Curve.through(q, times, rng.normal(0, 1, q.shape), rng.normal(0, 5, q.shape))
 
 
-def _torques(robot: Robot, curve: Curve, interval: NDArray[np.int64], fraction: Floats) -> Floats:
+def _torques(robot: Robot, curve: Curve, interval: NDArray[np.int64], fraction: Array) -> Array:
     model = robot.model
     q, v, a = (curve.over_time(order).at(interval, fraction) for order in range(3))
     return np.array([pin.rnea(model, model.createData(), *state) for state in zip(robot.pin_q(q), v, a, strict=True)])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import C
 from hdplan.planner.collision import broad_phase
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_shape
@@ -26,6 +26,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Shape, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.loops import in_numpy, needs_loops
 
 from ..urdf import joint_text, link_text, write_robot
 from .test_euclidean import random_pose
@@ -83,10 +84,10 @@ def assert_nothing_dropped(pairs: BodyPairs, kinematics: KinematicsBatch) -> int
 def loops(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """The broad phase in both its forms."""
     if request.param == "compiled":
-        if not library():
+        if C is None:
             pytest.skip("built without a C compiler")
     else:
-        monkeypatch.setattr(broad_phase, "library", lambda: None)
+        in_numpy(monkeypatch, broad_phase)
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +185,7 @@ def test_nothing_dropped_around_any_shape(seed: int, normals: str) -> None:
     assert found > 100
 
 
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 def test_pairs_that_the_compiled_loops_leave_are_inside_their_margin(panda: Robot) -> None:
     """Planes decide as the distance's sign does: but for rounding, nothing is evaluated that does not count."""
     bodies = link_bodies(panda)

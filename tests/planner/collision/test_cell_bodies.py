@@ -13,7 +13,7 @@ import trimesh
 
 import hdplan
 from hdplan.planner.collision import cell_bodies, convex_pieces
-from hdplan.planner.collision.cell_bodies import _cell_boxes, from_balls, from_cloud, from_surface
+from hdplan.planner.collision.cell_bodies import SMALL_CELL, cell_boxes, from_balls, from_cloud, from_surface
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.opened import opened
 from hdplan.planner.problem.assemble import more_closely
@@ -204,7 +204,7 @@ def test_small_cells_contain_all_that_is_in_reach(kind: str) -> None:
     elif kind == "grid":
         points = np.round(points, 1)
     radii, reached = rng.uniform(0.001, 0.01, len(points)), np.array([[0.3, 0.0, 0.1, 0.5], [-0.4, 0.2, 0.0, 0.3]])
-    boxes = _cell_boxes(points, radii, reached)
+    boxes = cell_boxes(points, radii, SMALL_CELL, reached)
     axes = boxes.rotation
     np.testing.assert_allclose(axes.transpose(0, 2, 1) @ axes, np.broadcast_to(np.eye(3), axes.shape), atol=1e-12)
     assert (np.linalg.det(axes) > 0.0).all()

@@ -11,7 +11,6 @@ import pytest
 
 from hdplan.distance.baselines.coal import signed_distance, signed_distances
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
 from hdplan.planner.collision import exact as exact_pairs
 from hdplan.planner.collision.broad_phase import body_pairs
@@ -28,13 +27,13 @@ from hdplan.planner.problem.samples import Samples
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.shapes import Box, Cylinder, Ellipsoid, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.loops import in_numpy, needs_loops
 
 from . import test_euclidean
 from .test_euclidean import NO_JOINTS, clutter, convex, free_bodies, moved, poses, smooth_motions
 
 EXACT = 1e-7  # [m]
 WIDE = 10.0  # [m] a margin that nothing is beyond, so that every distance is exact
-needs_loops = pytest.mark.skipif(not library(), reason="built without a C compiler")
 
 
 def exact(bodies: Sequence[LinkBody], others: Sequence[HalfspaceBody]) -> ExactPairs:
@@ -203,10 +202,10 @@ def test_the_problem_with_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None
         ahead, behind = (term.at_samples(problem.placed(drawn + s * step * turn), samples).cost for s in (1, -1))
         slope = float(np.sum(penalty.gradient * turn))
         assert slope == pytest.approx((ahead - behind) / (2 * step), rel=1e-3, abs=1e-6)
-    for module in (clearance, exact_pairs):
-        monkeypatch.setattr(module, "library", lambda: None)
+    in_numpy(monkeypatch, clearance, exact_pairs)
     for term in problem.terms:
         if isinstance(term, Clearance):
+            monkeypatch.setitem(vars(term), "record", None)
             twin, penalty = term.at_samples(kinematics, samples), found[term.name]
             assert twin.cost == pytest.approx(penalty.cost, rel=1e-6, abs=1e-12)
             np.testing.assert_allclose(twin.depth, penalty.depth, atol=1e-6)

@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.compiled.loops import library
 from hdplan.distance.symbolic import row_function
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.planner.collision import hdsdf
@@ -19,12 +18,13 @@ from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.shapes import Box, Cylinder, Points
+from tests.loops import in_numpy, needs_loops
 
 ORDERS = (1, 2, 3, 4, 5, 7, 12, 32)  # gamma; 2 is compiled as a constant, the root is found in four ways
 ROUNDING = 1e-12
 COUNT = 150  # poses
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_pair_distances_equal_casadis(
 ) -> None:
     kinematics, rows = poses(), everywhere(pairs)
     found = HdsdfPairs(pairs, gamma, length)(kinematics, *rows)
-    monkeypatch.setattr(hdsdf, "library", lambda: None)
+    in_numpy(monkeypatch, hdsdf)
     monkeypatch.setattr(row_function, "_library", lambda _: None)  # the interpreter: to compile it takes seconds
     expected = HdsdfPairs(pairs, gamma, length)(kinematics, *rows)
     assert (expected[0] < 0).mean() > 0.2

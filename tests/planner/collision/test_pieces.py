@@ -15,6 +15,7 @@ from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Box, Cylinder, Sphere
+from tests.loops import in_numpy
 
 TURNED = Pose((0.1, -0.2, 0.05), (0.1, 0.3, -0.3, 0.9))
 EVERYWHERE = np.array([[0.0, 0.0, 0.0, 1e7]])
@@ -38,7 +39,7 @@ def test_every_ball_within_reach_is_inside_a_piece(
     in_c: bool, flat: list[int], spread: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not in_c:
-        monkeypatch.setattr(cell_bodies, "library", lambda: None)
+        in_numpy(monkeypatch, cell_bodies)
     rng = np.random.default_rng(0)
     points, radii = rng.uniform(-spread, spread, (900, 3)) * flat, rng.uniform(1e-3, 0.01, 900)
     world = points @ TURNED.matrix[:3, :3].T + TURNED.matrix[:3, 3]

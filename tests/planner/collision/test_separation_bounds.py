@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 
 from hdplan.distance.baselines.coal import coal_hull, signed_distance
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.compiled.loops import library
+from hdplan.distance.compiled.loops import C
 from hdplan.planner.build import build
 from hdplan.planner.collision import separation_bounds, separation_loop
 from hdplan.planner.collision.broad_phase import body_pairs
@@ -35,6 +35,7 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.loops import in_numpy
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -161,12 +162,10 @@ def test_no_long_search_gets_below_the_bound(name: str, folder: Path) -> None:
 
 def by_loop(model: CollisionModel, moves: Array, pair: int, low: Array, high: Array) -> float:
     """The bound of the loop in C over one box."""
-    loops = library()
-    assert loops is not None
     a, b = (model.bodies[index] for index in model.self_pairs[pair])
-    hulls = (a.joint, a.body.vertices), (b.joint, b.body.vertices)
+    hulls = a.joint, a.body.vertices, b.joint, b.body.vertices
     tree, radii = model.kinematics.tree, a.body.radius + b.body.radius
-    return separation_loop.separation(loops, tree, hulls, radii, moves, (low, high), -np.inf, 0.9, 1)[0]
+    return C.separation(tree.struct, *hulls, radii, moves, low, high, -np.inf, 0.9, 1)[0]
 
 
 @pytest.mark.sampled(5)
@@ -174,15 +173,13 @@ def by_loop(model: CollisionModel, moves: Array, pair: int, low: Array, high: Ar
 def test_the_loop_finds_the_distance_of_bodies_that_stand(seed: int) -> None:
     """Polytopes, needles and plates, near, far and one in the other: exact where apart, never positive where not."""
     arm, rng = robot("ur5"), np.random.default_rng(seed)
-    model, loops = collision_model_of(arm, "fitted", "box"), library()
-    assert loops is not None
+    model = collision_model_of(arm, "fitted", "box")
     for _ in range(25):
         flat = [np.where(rng.random(3) < 0.2, 0.0, 1.0) for _ in range(2)]
         a, b = (rng.normal(size=(int(rng.integers(1, 13)), 3)) * flat[k] * 10.0 ** rng.uniform(-3, 0) for k in (0, 1))
         b = b + rng.normal(size=3) * 10.0 ** rng.uniform(-4, 1)
-        limits = (np.zeros(arm.n), np.zeros(arm.n))
-        given = (loops, model.kinematics.tree, ((0, a), (0, b)), 0.0, np.zeros(arm.n), limits, 0.0, 0.9, 1)
-        found = separation_loop.separation(*given)[0]
+        still = (np.zeros(arm.n),) * 3
+        found, _ = C.separation(model.kinematics.tree.struct, 0, a, 0, b, 0.0, *still, 0.0, 0.9, 1)
         one, other = ConvexBody.from_points(a), ConvexBody.from_points(b)
         exact = signed_distance(one, np.eye(4), other, np.eye(4)).distance
         assert found <= max(exact, 0.0) + EXACT
@@ -198,7 +195,7 @@ def test_a_box_keeps_its_stated_bounds(name: str, folder: Path) -> None:
     model = witness.model
     assembled = body_pairs(model.bodies, model.planes, model.self_pairs, 0.0, model.kinematics.supports)
     distance = FclPairs(assembled, model.bodies, model.planes)
-    search = separation_bounds._Search(arm, model.kinematics, model.bodies, model.self_pairs, distance)
+    search = separation_bounds.Search(arm, model.kinematics, model.bodies, model.self_pairs, distance)
     low, high = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
     tight = 0
     for _ in range(60):
@@ -265,16 +262,16 @@ def test_arms_that_turn_about_other_axes_have_other_entries(tmp_path: Path) -> N
 def test_all_pairs_together_stay_within_the_budget(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot with both hands has thousands of pairs: each has its share, and what is proven with less still holds."""
     arm, looked = robot("kinova"), list[int]()
-    bound, model = separation_bounds._Search.bound, collision_model_of(arm, "fitted", "box")
+    bound, model = separation_bounds.Search.bound, collision_model_of(arm, "fitted", "box")
 
-    def counted(self: separation_bounds._Search, pair: int, wanted: float, most: int) -> tuple[float, int]:
+    def counted(self: separation_bounds.Search, pair: int, wanted: float, most: int) -> tuple[float, int]:
         found = bound(self, pair, wanted, most)
         looked.append(found[1])
         return found
 
-    monkeypatch.setattr(separation_bounds._Search, "bound", counted)
+    monkeypatch.setattr(separation_bounds.Search, "bound", counted)
     if way == "interpreted":
-        monkeypatch.setattr(separation_bounds, "library", lambda: None)
+        in_numpy(monkeypatch, separation_bounds)
     monkeypatch.setattr(separation_bounds, "known_result", lambda kind, key, read: None)
     monkeypatch.setattr(separation_bounds, "store", lambda kind, key, value: None)
     given = arm, model.kinematics, model.bodies, model.planes, model.self_pairs, 0.005
@@ -287,7 +284,7 @@ def test_all_pairs_together_stay_within_the_budget(way: str, monkeypatch: pytest
         kept = separation_bounds.distances_kept(*given)
         assert sum(looked) <= budget + 2 * separation_bounds.BATCH * len(kept)
         assert (kept > 0.0).sum() <= (everything > 0.0).sum()
-        assert (kept <= everything / separation_bounds.TIGHT_SHARE + EXACT).all()  # the least distance met is no less
+        assert (kept <= everything / separation_loop.TIGHT_SHARE + EXACT).all()  # the least distance met is no less
 
 
 # --- obstacles out of reach -------------------------------------------------------------------------------------------

@@ -13,26 +13,26 @@ import pytest
 
 from hdplan import Box, Capsule, Ellipsoid, Obstacle, Pose, Robot, RobotSpec, Scene, SteadyMotion
 from hdplan.control import BarrierSettings, Controller, ControlSettings, standing
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.control import barrier_safety, braking, lows, moment
 from hdplan.planner.control.barrier_safety import straightened
 from hdplan.planner.control.braking import Command, Rates
 from hdplan.planner.control.lows import Floors, Lows, lows_among, lows_near, lows_of_hulls
 from hdplan.planner.control.moment import NO_ROWS
 from hdplan.scenes.array_types import Array
+from tests.loops import in_numpy, needs_loops
 
 from ..linkage import linkage_urdf
 from .rooms import scene_of
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 EUCLIDEAN = ControlSettings(BarrierSettings("euclidean", growth=0.0, self_growth=0.0), 0.01, 0.005)
 
 
 @contextmanager
 def twins() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        for module in (barrier_safety, braking, lows, moment):
-            patch.setattr(module, "library", lambda: None)
+        in_numpy(patch, barrier_safety, braking, lows, moment)
+        patch.setattr(lows, "_looped", lambda _: False)
         yield
 
 

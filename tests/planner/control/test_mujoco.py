@@ -11,7 +11,6 @@ from xml.etree import ElementTree as xml
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan import InputError, Trajectory, control
@@ -20,12 +19,14 @@ from hdplan.planner.control.mujoco_model import mujoco_xml
 from hdplan.planner.control.simulation import replay
 from hdplan.planner.robot.loads import carrying
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from tests.extras import mujoco, needs
 from tests.planner.replanning.driving import AtOnce
 
+from .rooms import FakeArm
+
 pytestmark = needs("mujoco")
 
-Floats = NDArray[np.float64]
 LIMITS = hdplan.Limits(velocity="urdf", acceleration=7.5, jerk=500)
 
 
@@ -147,29 +148,20 @@ def test_a_model_file_executes_and_is_held_against_the_robot(
     assert "\n" not in str(caught.value)
 
 
-class Faulty:
-    """An arm that goes where it is sent, until something is wrong with it."""
+class Faulty(FakeArm):
+    """An arm with which something is wrong after a while."""
 
-    def __init__(self, names: tuple[str, ...], at: Floats, fault: float | BaseException, after: int = 20) -> None:
-        self.joint_names, self.period, self.fault, self.left = names, 0.01, fault, after
-        self.q, self.v, self.now, self.stopped = at.copy(), np.zeros_like(at), 0.0, False
+    def __init__(self, names: tuple[str, ...], at: Array, fault: float | BaseException, after: int = 20) -> None:
+        super().__init__(names, at, 0.01)
+        self.fault, self.left = fault, after
 
-    def time(self) -> float:
-        return self.now
-
-    def state(self) -> tuple[Floats, Floats]:
-        return self.q, self.v
-
-    def send(self, position: Floats, velocity: Floats) -> None:
-        assert not self.stopped
-        self.q, self.v, self.now, self.left = position.copy(), velocity, self.now + self.period, self.left - 1
+    def send(self, position: Array, velocity: Array) -> None:
+        super().send(position, velocity)
+        self.left -= 1
         if self.left <= 0:
             if isinstance(self.fault, BaseException):
                 raise self.fault
             self.q[2] += self.fault
-
-    def stop(self) -> None:
-        self.stopped = True
 
 
 @pytest.mark.parametrize("fault", [np.nan, 0.2, -np.inf])

@@ -9,7 +9,6 @@ from types import MappingProxyType
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan import Limits, Obstacle, Payload, Pose, Robot, RobotSpec, Scene, Sphere, Timing, Trajectory, load_robot
 from hdplan.planner.certificate import certifier
@@ -18,11 +17,9 @@ from hdplan.planner.control.computed_torque import Arm, execute
 from hdplan.planner.control.simulation import Simulation, replay
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.targets import JointTarget
-
-Floats = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes" / "shipped"
 UPRIGHT = Pose((0, 0, 1), (0.7071067811865476, 0, 0, 0.7071067811865476))  # the planar arm in a vertical plane
@@ -36,7 +33,7 @@ def _scene(robot: RobotSpec = PANDA, **changes: object) -> Scene:
     return replace(Scene("test", Path("test.yaml"), robot, (), joints, joints), **changes)
 
 
-def _motion(robot: Robot, start: Floats, goal: Floats, duration: float) -> Trajectory:
+def _motion(robot: Robot, start: Array, goal: Array, duration: float) -> Trajectory:
     """A motion from rest to rest by the law of minimum jerk, a hundred rows a second."""
     times = np.linspace(0, duration, round(100 * duration) + 1)
     s, way = times / duration, goal - start
@@ -189,7 +186,7 @@ def test_another_limit_is_shown_and_judged_as_its_check_has_it(monkeypatch: pyte
     class Turned:
         limits = MappingProxyType({"turn": np.full(7, 0.3)})
 
-        def values(self, quantity: str, curve: Curve, interval: Index, fraction: Floats) -> Floats:
+        def values(self, quantity: str, curve: Curve, interval: Rows, fraction: Array) -> Array:
             assert quantity == "turn"
             return curve.at(interval, fraction)
 

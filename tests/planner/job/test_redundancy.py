@@ -11,10 +11,10 @@ import pinocchio as pin
 import pytest
 
 import hdplan
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.job import redundancy
 from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.redundancy import LARGEST_STEP, Layers, inner_limits, ways_along
+from tests.loops import in_numpy, needs_loops
 
 from ..links import place_of
 
@@ -74,7 +74,7 @@ def test_there_is_no_way_where_nothing_is_free_or_in_reach() -> None:
         next(ways_along(robot, None, hdplan.Follow(TOOL, near), 0.1, quick, 0, lambda q: q[:, 0] > 9.0))
 
 
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 def test_steps_in_c_are_those_in_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also of joints that turn without an end, and of what is not a number, which leads nowhere."""
     rng, high = np.random.default_rng(4), np.array([3.0, np.inf, 1.0, 7.0, np.inf])
@@ -87,7 +87,7 @@ def test_steps_in_c_are_those_in_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
     rows[2][7, 3] = np.nan
     quick = rng.uniform(0.3, 1.0, 5)
     compiled = Layers(robot, rows, quick)._steps
-    monkeypatch.setattr(redundancy, "library", lambda: None)
+    in_numpy(monkeypatch, redundancy)
     for found, expected in zip(compiled, Layers(robot, rows, quick)._steps, strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-12)
     assert np.isfinite(compiled[1]).sum() > 5

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.job.redundancy import LARGEST_STEP
 from hdplan.planner.job.self_motions import close_branches
 from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.scenes.targets import PoseTarget
+from tests.loops import needs_loops
 
 from ..links import places_of, pose_of
 
 TOOL = "panda_hand_tcp"
 NEAR_SINGULAR = ((1, 0.05), (1, -0.08), (5, 0.1))  # where joints 1 and 3, or 5 and 7, turn about one axis
 
-pytestmark = pytest.mark.skipif(library() is None, reason="closed forms are loops of C")
+pytestmark = needs_loops
 
 
 def target_of(robot: hdplan.Robot, q: np.ndarray, free_rotation: str = "none") -> PoseTarget:

@@ -11,7 +11,6 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.kinematics.closed_form import ClosedForm, Joints, Kind, choice, closed_form, joints_to
 from hdplan.planner.robot.link_frame import link_frame, link_poses
 from hdplan.planner.robot.loading import load_robot
@@ -21,10 +20,11 @@ from hdplan.planner.terminal.robots import inverse_kinematics_notes
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.targets import PoseTarget
+from tests.loops import needs_loops
 
 from ..urdf import joint_text, link_text, robot_text
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 # Origin and roll, pitch, yaw of each joint on the one before, and its axis; "slide" for the first one that slides.
 Joint = tuple[str, str, str]
@@ -155,7 +155,7 @@ def form_of(robot: Robot, target: PoseTarget) -> ClosedForm:
 
 
 def assert_reached(robot: Robot, target: PoseTarget, found: np.ndarray) -> None:
-    """By Pinocchio's kinematics, to 1e-9, within the limits."""
+    """Pinocchio's kinematics confirm each to 1e-9, within the limits."""
     assert np.isfinite(found).all()
     assert np.all((robot.lower <= found) & (found <= robot.upper))
     off = np.linalg.inv(target.pose.matrix) @ link_poses(robot, found, link_frame(robot, target.link, ""))
@@ -182,7 +182,7 @@ def test_whatever_the_configuration_its_branch_is_found(name: str, load: Load) -
 
 
 @pytest.mark.parametrize("name", ["ur5", "kinova", "kr6", "xarm6"])
-def test_what_a_search_finds_is_among_them(name: str, load: Load) -> None:
+def test_configurations_found_by_a_search_are_among_the_branches(name: str, load: Load) -> None:
     robot = load(name)
     rng, total, missed = np.random.default_rng(9), 0, 0
     for q in robot.draw(rng, 8):
@@ -233,7 +233,7 @@ def test_a_free_rotation_is_one_more_joint(name: str, free: str, load: Load) -> 
 
 
 @pytest.mark.parametrize("name", ["ur5", "kinova", "panda", "iiwa14", "fetch", "xarm6"])
-def test_where_the_arm_is_singular_answers_are_finite_and_true(name: str, load: Load) -> None:
+def test_branches_of_singular_arms_are_finite_and_true(name: str, load: Load) -> None:
     """Straight, folded, and with a wrist or a shoulder whose axes lie in one line."""
     robot = load(name)
     rng = np.random.default_rng(8)
@@ -277,7 +277,7 @@ def test_arms_without_a_closed_form_are_searched(load: Load) -> None:
 
 
 def test_a_chain_moved_as_a_whole_is_solved_in_the_same_way() -> None:
-    """Also where several ways are equally good: no rounding decides."""
+    """No rounding decides where several ways are equally good."""
     rng = np.random.default_rng(11)
     robot = load_robot(RobotSpec("panda"))
     chains = [joints_to(robot, robot.model.getFrameId("panda_hand"), free) for free in ("none", "x", "y", "z")]

@@ -6,13 +6,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.kinematics.inverse import Aim
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.targets import FREE_ROTATIONS, AllOf, PoseTarget
+from tests.loops import needs_loops
 
 ROBOTS = ("panda", "ur5", "z1", "double_pendulum_continuous")
 BASE = Pose((0.3, -0.2, 0.9), (0.0, 0.6, 0.0, 0.8))
@@ -37,7 +37,7 @@ def both_ways(aim: Aim, q: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], t
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("free", FREE_ROTATIONS)
 def test_the_loop_is_numpy(name: str, free: str) -> None:
@@ -56,7 +56,7 @@ def test_the_loop_is_numpy(name: str, free: str) -> None:
         np.testing.assert_allclose(jacobian, jacobian_numpy, atol=EXACT, rtol=0)
 
 
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 @pytest.mark.parametrize("free", ["none", "x", "y", "z"])
 def test_no_turn_and_a_half_turn_are_turns_to_the_target(free: str) -> None:
     robot = load_robot(RobotSpec(name="panda"))

@@ -17,6 +17,7 @@ from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.poses import Pose
@@ -26,8 +27,6 @@ from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points
 from hdplan.scenes.targets import JointTarget
 
 from ..urdf import joint_text, link_text, write_robot
-
-Floats = NDArray[np.float64]
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes" / "shipped"
 ARMS = ("panda", "ur5", "xarm7", "kinova", "planar")
@@ -52,12 +51,12 @@ def _scene(robot: str = "panda", **changes: object) -> Scene:
     return replace(scene, **changes)
 
 
-def _states(robot: Robot, count: int, seed: int = 0) -> tuple[Floats, Floats, Floats]:
+def _states(robot: Robot, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
     rng = np.random.default_rng(seed)
     return robot.draw(rng, count), rng.normal(0, 2, (count, robot.n)), rng.normal(0, 8, (count, robot.n))
 
 
-def _rnea(model: pin.Model, robot: Robot, q: Floats, v: Floats, a: Floats) -> Floats:
+def _rnea(model: pin.Model, robot: Robot, q: Array, v: Array, a: Array) -> Array:
     data = model.createData()
     return np.array([pin.rnea(model, data, *state).copy() for state in zip(robot.pin_q(q), v, a, strict=True)])
 
@@ -160,7 +159,7 @@ def test_a_payload_changes_torques_by_what_a_body_there_takes() -> None:
         np.testing.assert_allclose(added[row], jacobian.T @ np.concatenate([force, moment]), atol=1e-9)
 
 
-SHAPES: dict[str, tuple[Shape, Floats]] = {  # and points that fill it evenly enough for integrals
+SHAPES: dict[str, tuple[Shape, Array]] = {  # and points that fill it evenly enough for integrals
     "box": (Box((0.1, 0.2, 0.3)), np.array([0.1, 0.2, 0.3])),
     "sphere": (Sphere(0.1), np.array([0.2, 0.2, 0.2])),
     "ellipsoid": (Ellipsoid((0.1, 0.2, 0.05)), np.array([0.2, 0.4, 0.1])),
@@ -170,7 +169,7 @@ SHAPES: dict[str, tuple[Shape, Floats]] = {  # and points that fill it evenly en
 }
 
 
-def _inside(shape: Shape, points: Floats) -> NDArray[np.bool_]:
+def _inside(shape: Shape, points: Array) -> NDArray[np.bool_]:
     x, y, z = np.abs(points).T
     match shape:
         case Sphere(radius):
@@ -243,7 +242,7 @@ def test_the_robots_own_model_stays_as_it_is() -> None:
     np.testing.assert_array_equal(before, [inertia.matrix() for inertia in bare.inertias])
 
 
-def test_what_no_robot_and_no_body_has_is_refused_by_name() -> None:
+def test_unknown_robots_and_bodies_are_refused_by_name() -> None:
     robot = _robot("panda")
     with pytest.raises(InputError, match=r"test.yaml: payload.link: panda has no link 'panda_hnd' \(did you mean 'pan"):
         _ = Setup.of(_scene(payload=replace(LOAD, link="panda_hnd")), robot).loaded_model

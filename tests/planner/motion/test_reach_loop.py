@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from hdplan import RobotSpec, load_robot
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.motion import motion_bounds
 from hdplan.planner.motion.motion_bounds import Chain
+from tests.loops import in_numpy, needs_loops
 
 COUNT, INTERVALS = 40, 12  # bodies, intervals
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 
 @pytest.mark.sampled(2)
@@ -30,7 +30,7 @@ def test_the_loop_equals_numpy(name: str, monkeypatch: pytest.MonkeyPatch) -> No
     rho = chain.reach_around(joints, cylinders, travel)
     local = chain.local_reach(rho, joints, *at)
     assert (local < rho).any()
-    monkeypatch.setattr(motion_bounds, "library", lambda: None)
+    in_numpy(monkeypatch, motion_bounds)
     np.testing.assert_allclose(rho, chain.reach_around(joints, cylinders, travel), rtol=1e-13)
     np.testing.assert_allclose(local, chain.local_reach(rho, joints, *at), rtol=1e-13, atol=1e-15)
 

@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
@@ -34,10 +32,9 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.loops import in_numpy, needs_loops
 
 from ..urdf import joint_text, link_text, write_robot
-
-Floats = NDArray[np.float64]
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes" / "shipped"
 ON_A_WALL = Pose((0.3, -0.2, 0.9), (0, 0.6, 0, 0.8))
@@ -123,7 +120,7 @@ def test_the_terms_derivatives_are_those_of_its_value(tmp_path: Path) -> None:
     assert (np.linalg.eigvalsh(value.curvature) >= -1e-12).all()
 
 
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 @pytest.mark.parametrize("name", ["panda", "sliding", "baxter"])
 def test_loop_and_twin_agree(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Chains, joints that slide and two arms; where no joint, one or all are overloaded."""
@@ -137,7 +134,7 @@ def test_loop_and_twin_agree(name: str, tmp_path: Path, monkeypatch: pytest.Monk
         term, samples = StaticTorque("static torque", measure, 0.02), Samples((40,))
         loop, depth = term.at_samples(kinematics, samples), term.depth(kinematics)
         with monkeypatch.context() as patch:
-            patch.setattr(gravity_torque, "library", lambda: None)
+            in_numpy(patch, gravity_torque)
             twin = term.at_samples(kinematics, samples)
             assert depth == pytest.approx(term.depth(kinematics), rel=1e-12, abs=1e-12)
         assert (loop is None) == (twin is None) == (share > 1.5)
@@ -177,8 +174,8 @@ def test_ends_that_gravity_overloads_are_refused() -> None:
         plan(replace(scene, goal=JointTarget("goal", (0.0, 0.0))))
 
 
-def test_where_the_straight_way_is_too_heavy_another_is_found() -> None:
-    """Level and stretched the arm with its load asks 23.5 Nm of the shoulder: it has to fold its elbow."""
+def test_another_way_is_found_where_the_straight_one_is_too_heavy() -> None:
+    """Level and stretched the arm with its load needs 23.5 Nm at the shoulder: it has to fold its elbow."""
     load = Payload("forearm", 1.0, (0.5, 0.0, 0.0))
     scene = _scene(12.0, load)
     robot = load_scene_robot(scene)

@@ -114,7 +114,7 @@ def test_differences_of_the_gradient_of_the_motion(name: str) -> None:
 
 
 def test_casadis_own_derivatives_of_a_small_case() -> None:
-    """Of the penalty written with the distance's definition, where it has derivatives of its own: away from ties."""
+    """The penalty written with the distance's definition, where that has derivatives of its own: away from ties."""
     problem = problem_of("planar_arm")
     (term,) = problem.terms.pairs
     pairs, distance, kinematics = term.pairs, term.distance, problem.kinematics
@@ -153,7 +153,7 @@ def test_the_graph_of_the_whole_problem(name: str) -> None:
 
 
 def carried(problem: Problem, moved: Array) -> Array:
-    """What a motion of the waypoints between the ends (M n) is in the program's x."""
+    """A motion of the waypoints between the ends (M n) in the program's x."""
     q = np.zeros((problem.waypoints, len(problem.start)))
     q[1:-1] = moved.reshape(-1, q.shape[1])
     step = np.diff(q, axis=0)
@@ -169,7 +169,7 @@ class Cost(Term):
         return None
 
 
-def test_what_is_not_known_is_refused() -> None:
+def test_unknown_hessians_are_refused() -> None:
     planar = problem_of("planar_arm")
     with pytest.raises(InputError, match=r"hessian: must be one of exact, gauss_newton, found 'full'"):
         planar.casadi("full")

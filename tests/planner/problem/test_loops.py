@@ -9,25 +9,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
 from hdplan.planner.collision import broad_phase, hdsdf
 from hdplan.planner.kinematics import forward
-from hdplan.planner.problem import clearance, problem as problems, samples
+from hdplan.planner.problem import problem as problems, samples
 from hdplan.planner.problem.problem import Evaluation, Problem
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.solvers import newton_step
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.loops import in_numpy, needs_loops
 
 ROUNDING = 1e-9  # relative to the largest number of its kind: sums of a few hundred terms, in another order
 WEIGHT = 1e4  # of the penalty [1/m²]
-LIBRARIES = (broad_phase, forward, hdsdf, clearance, problems, samples)
 PARTS = ("gradient", "diagonal", "coupling", "depth")
 # Turning and sliding joints, links against links, obstacles that move, bodies that are held, path constraints.
 SCENES = ("panda_corridor", "panda_conveyor", "planar_arm", "tiago_shelf", "baxter_bimanual_carry")
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 
 @pytest.fixture(scope="module", params=SCENES)
@@ -39,11 +38,6 @@ def motions(problem: Problem, count: int) -> list[Array]:
     """The straight line, bent at random by ever more."""
     rng, line = np.random.default_rng(21), problem.polyline()
     return [problem.clip(line + share * rng.normal(size=line.shape)) for share in np.linspace(0.0, 0.6, count)]
-
-
-def in_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in LIBRARIES:
-        monkeypatch.setattr(module, "library", lambda: None)
 
 
 def assert_same(one: Evaluation, other: Evaluation) -> None:
@@ -59,7 +53,9 @@ def test_the_loop_equals_numpy(problem: Problem, monkeypatch: pytest.MonkeyPatch
     compiled = [problem.evaluate(positions, WEIGHT) for positions in tried]
     depths = [problem.depth(positions, np.linspace(0, 1, len(positions))) for positions in tried]
     assert any(each.penalty > 0.0 for each in compiled)
-    in_numpy(monkeypatch)
+    in_numpy(monkeypatch, broad_phase, forward, hdsdf, problems, samples)
+    for term in problem.terms.pairs:
+        monkeypatch.setitem(vars(term), "record", None)
     for positions, found, depth in zip(tried, compiled, depths, strict=True):
         assert_same(found, problem.evaluate(positions, WEIGHT))
         plain = problem.depth(positions, np.linspace(0, 1, len(positions)))
@@ -88,7 +84,7 @@ def test_one_configuration_or_none(problem: Problem) -> None:
 
 
 def test_a_step_as_by_scipy(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where coordinates are held at their limits, and of motions with very few waypoints."""
+    """Coordinates held at their limits, and motions with very few waypoints, too."""
     for positions in [*motions(problem, 5), problem.polyline()[[0, 1, -1]], problem.polyline()[[0, 1, 2, -1]]]:
         tried = positions.copy()
         tried[1] = problem.robot.inner[1]
@@ -99,7 +95,7 @@ def test_a_step_as_by_scipy(problem: Problem, monkeypatch: pytest.MonkeyPatch) -
         state = few.evaluate(tried, WEIGHT)
         with monkeypatch.context() as patched:
             found = newton_step.newton_step(few, tried, state, 1e-3)
-            patched.setattr(newton_step, "library", lambda: None)
+            in_numpy(patched, newton_step)
             expected = newton_step.newton_step(few, tried, state, 1e-3)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
         assert not found[0].any()

@@ -97,7 +97,7 @@ def test_the_gradient_is_that_of_the_cost(problem: Problem) -> None:
 
 
 def test_a_moving_obstacle_is_one_that_stands_where_it_is_at_that_time(problem: Problem, crossing: Scene) -> None:
-    """At any one time, cost and depth are those of the scene in which it stands there."""
+    """Cost and depth at any one time are those of the scene in which it stands there."""
     moving = problem.terms.moving_obstacles
     rng = np.random.default_rng(4)
     configurations = problem.robot.draw(rng, 200)
@@ -213,7 +213,9 @@ def test_the_velocity_penalty_has_its_exact_gradient_and_curvature(problem: Prob
         np.testing.assert_allclose(bent, (after.gradient - before.gradient) / (2 * step), rtol=1e-4, atol=1e-6)
 
 
-def test_what_is_clear_of_the_velocity_penalty_is_executed_within_the_limits(problem: Problem, crossing: Scene) -> None:
+def test_a_motion_clear_of_the_velocity_penalty_is_executed_within_the_limits(
+    problem: Problem, crossing: Scene
+) -> None:
     """The margin that a clear motion may use up ends below the limit, by the executed curve's own bounds."""
     penalty = problem.terms.velocity
     robot, half = problem.robot, 0.5 * crossing.planner.activation

@@ -16,6 +16,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.planner.problem.whole_graph import whole_matrix
 
 WEIGHT, STEP = 1e4, 1e-6
 
@@ -42,24 +43,17 @@ def test_derivatives(term: hdplan.OwnTerm, seed: int) -> None:
     """The gradient is that of the cost, the exact Hessian that of the gradient, and the curvature semidefinite."""
     problem = small().with_term(term)
     (alone,) = (*problem.terms.costs, *problem.terms.own)
-    q, n = drawn(problem, seed), len(problem.start)
+    q = drawn(problem, seed)
     found, (diagonal, coupling) = alone.planned(q), alone.planned_second_order(q)
-    whole = np.zeros((len(q), n, len(q), n))
-    curved = whole.copy()
-    exact = found.diagonal + diagonal, found.coupling + coupling
-    for blocks, (d, c) in ((whole, exact), (curved, (found.diagonal, found.coupling))):
-        for k in range(len(q)):
-            blocks[k, :, k] = d[k]
-        for k in range(len(q) - 1):
-            blocks[k + 1, :, k], blocks[k, :, k + 1] = c[k], c[k].T
-    assert np.linalg.eigvalsh(curved.reshape(q.size, q.size)).min() > -1e-12
+    whole = whole_matrix(found.diagonal + diagonal, found.coupling + coupling)
+    assert np.linalg.eigvalsh(whole_matrix(found.diagonal, found.coupling)).min() > -1e-12
     for moved in np.random.default_rng(seed).normal(size=(3, *q.shape)):
         ahead, behind = alone.planned(q + STEP * moved), alone.planned(q - STEP * moved)
         slope = (ahead.cost - behind.cost) / (2 * STEP)
         assert np.sum(found.gradient * moved) == pytest.approx(slope, rel=1e-6, abs=1e-9)
         rate = (ahead.gradient - behind.gradient) / (2 * STEP)
         np.testing.assert_allclose(
-            np.einsum("kilj,lj->ki", whole, moved), rate, atol=1e-6 * max(1.0, np.abs(rate).max())
+            (whole @ moved.ravel()).reshape(moved.shape), rate, atol=1e-6 * max(1.0, np.abs(rate).max())
         )
 
 
@@ -97,7 +91,7 @@ def test_plans_keep_them(polish: int) -> None:
     assert not [note for note in own.notes if note.startswith("term")]
 
 
-def test_what_cannot_be_kept_is_reported() -> None:
+def test_a_constraint_that_cannot_be_kept_is_reported() -> None:
     """No motion is at two places at once: it is not passed off as found."""
     never = hdplan.OwnTerm("never", lambda q, step: ca.sumsqr(q), "constraint", 1e3, 1e4)
     result = hdplan.plan(load_scene("planar_arm"), terms=[never], time_limit=0.5)

@@ -9,6 +9,7 @@ import pytest
 
 from hdplan.planner.problem.path_speed import P, PathSpeed
 from hdplan.scenes.array_types import Array
+from tests.planner.problem.whole_graph import whole_matrix
 
 
 def a_motion(seed: int) -> tuple[PathSpeed, Array]:
@@ -21,14 +22,8 @@ def a_motion(seed: int) -> tuple[PathSpeed, Array]:
 
 
 def whole_hessian(path_speed: PathSpeed, motion: Array) -> Array:
-    count, n = motion.shape
     found = path_speed.value(motion)
-    whole = np.zeros((count, n, count, n))
-    for k in range(count):
-        whole[k, :, k] = found.diagonal[k]
-    for k in range(count - 1):
-        whole[k + 1, :, k], whole[k, :, k + 1] = found.coupling[k], found.coupling[k].T
-    return whole.reshape(count * n, count * n)
+    return whole_matrix(found.diagonal, found.coupling)
 
 
 @pytest.mark.parametrize("huge", [1e7, 1e160, 1e308, np.inf])

@@ -98,7 +98,7 @@ def test_an_upright_link_has_no_penalty_and_one_upside_down_is_still_drawn_back(
 
 
 def angles(robot: Robot, link: str, q: Array) -> Array:
-    """Of the axis −z of a link to the upward direction, by Pinocchio."""
+    """Angle of the axis −z of a link to the upward direction, by Pinocchio."""
     data, found = robot.model.createData(), []
     for row in q:
         pin.framesForwardKinematics(robot.model, data, robot.pin_q(row))
@@ -108,7 +108,7 @@ def angles(robot: Robot, link: str, q: Array) -> Array:
 
 @pytest.mark.parametrize("tolerance", [1e-3, 0.03, 0.1, 2.0])
 @pytest.mark.parametrize("activation", [0.0, 0.02])
-def test_what_counts_as_clear_keeps_the_constraint(tolerance: float, activation: float) -> None:
+def test_a_clear_motion_keeps_the_constraint(tolerance: float, activation: float) -> None:
     scene = upright("panda_carry", tolerance)
     scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, activation=activation))
     problem = build(scene)

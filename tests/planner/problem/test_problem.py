@@ -6,6 +6,7 @@ That the gradient is that of the cost is in test_solver_laws.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -30,7 +31,7 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Cylinder, Points, Shape, Sphere
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
-from tests.planner.problem.whole_graph import WholeGraph, whole_graph
+from tests.planner.problem.whole_graph import WholeGraph, whole_graph, whole_matrix
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -109,19 +110,6 @@ def motions(problem: Problem, count: int, spread: float) -> list[Array]:
     return [problem.clip(line + spread * rng.normal(size=line.shape)) for _ in range(count)]
 
 
-def assembled(problem: Problem, positions: Array, weight: float) -> Array:
-    """The penalty's Gauss-Newton matrix (M n, M n) from its blocks."""
-    state = problem.evaluate(positions, weight)
-    count, n = state.gradient.shape
-    matrix = np.zeros((count, n, count, n))
-    for k in range(count):
-        matrix[k, :, k] = state.diagonal[k]
-    for k in range(count - 1):
-        matrix[k, :, k + 1] = state.coupling[k]
-        matrix[k + 1, :, k] = state.coupling[k].T
-    return matrix.reshape(count * n, count * n)
-
-
 def differences(function, x: Array) -> Array:
     """Sixth-order central differences of a function of x (m,), along the last axis."""
 
@@ -185,7 +173,7 @@ def test_curvature_is_symmetric_and_semidefinite(name: str, request: pytest.Fixt
     for positions in motions(problem, 4, 0.3):
         state = problem.evaluate(positions, WEIGHT)
         close(state.diagonal, state.diagonal.transpose(0, 2, 1), EXACT)
-        matrix = assembled(problem, positions, WEIGHT)
+        matrix = whole_matrix(state.diagonal, state.coupling)
         lowest = np.linalg.eigvalsh(matrix)[0]
         assert lowest >= -SEMIDEFINITE * max(1.0, np.abs(matrix).max()) * len(matrix)
 
@@ -202,22 +190,16 @@ def test_penalty_scales_with_its_weight_alone(planar: Problem) -> None:
 
 
 @pytest.mark.core
-def test_casadi_form_has_the_same_cost_and_gradient(planar: Problem, whole: WholeGraph) -> None:
+@pytest.mark.parametrize(("name", "weights"), [("planar", (1.0, WEIGHT, 1e7)), ("panda", (WEIGHT,))])
+def test_casadi_form_has_the_same_cost_and_gradient(
+    name: str, weights: tuple[float, ...], request: pytest.FixtureRequest
+) -> None:
+    problem: Problem = request.getfixturevalue(name)
+    whole = whole_graph(problem)
     evaluate = ca.Function("evaluate", [whole.x, whole.weight], [whole.cost, whole.gradient])
-    for weight in (1.0, WEIGHT, 1e7):
-        for positions in motions(planar, 6, 0.4):
-            state = planar.evaluate(positions, weight)
-            cost, gradient = (np.array(x).ravel() for x in evaluate(positions[1:-1].ravel(), weight))
-            close(cost, np.array([state.cost]), WITNESS)
-            close(gradient, state.gradient.ravel(), WITNESS)
-
-
-def test_casadi_form_agrees_for_a_panda(panda: Problem) -> None:
-    whole = whole_graph(panda)
-    evaluate = ca.Function("evaluate", [whole.x, whole.weight], [whole.cost, whole.gradient])
-    for positions in motions(panda, 3, 0.4):
-        state = panda.evaluate(positions, WEIGHT)
-        cost, gradient = (np.array(x).ravel() for x in evaluate(positions[1:-1].ravel(), WEIGHT))
+    for weight, positions in itertools.product(weights, motions(problem, 6, 0.4)):
+        state = problem.evaluate(positions, weight)
+        cost, gradient = (np.array(x).ravel() for x in evaluate(positions[1:-1].ravel(), weight))
         close(cost, np.array([state.cost]), WITNESS)
         close(gradient, state.gradient.ravel(), WITNESS)
 
@@ -417,7 +399,7 @@ SIMPLEX = Points(((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)))
 
 @pytest.mark.parametrize("shape", [Sphere(0.1), Cylinder(0.1, 0.2), SIMPLEX])
 def test_another_obstacle_compiles_nothing(monkeypatch: pytest.MonkeyPatch, shape: Shape) -> None:
-    """Of any shape, anywhere: within reach of every link, or of the last one only."""
+    """Obstacles of any shape, anywhere: within reach of every link, or of the last one only."""
     scene = load_scene("panda_corridor")
     one = dataclasses.replace(scene, obstacles=(Obstacle("far", Box((0.1, 0.1, 0.1)), Pose((0.0, 0.0, 1.25))),))
     build(one)

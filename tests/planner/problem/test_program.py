@@ -48,7 +48,7 @@ def motion(problem: Problem, seed: int, spread: float = 0.3) -> Array:
 
 
 def carried(problem: Problem, moved: Array) -> Array:
-    """What a motion of the waypoints between the ends (M, n) is in the program's x."""
+    """A motion of the waypoints between the ends (M, n) in the program's x."""
     q = np.zeros((problem.waypoints, moved.shape[1]))
     q[1:-1] = moved
     step = np.diff(q, axis=0)
@@ -91,7 +91,7 @@ def test_cost_gradient_and_curvature_are_those_of_the_evaluation(name: str, wayp
 
 @every_scene
 def test_the_gradient_is_that_of_the_cost(name: str) -> None:
-    """By differences, in every direction of x."""
+    """Differences in every direction of x."""
     problem = problem_of(name)
     program = problem.casadi("gauss_newton")
     cost = ca.Function("cost", [program.x, program.p], [program.f])
@@ -108,7 +108,7 @@ def test_the_gradient_is_that_of_the_cost(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["planar_arm", "panda_cage"])
 def test_the_hessian_couples_no_stages(name: str) -> None:
-    """As fatrop needs it; and it is found without coloring a dense matrix."""
+    """The structure that fatrop needs, found without coloring a dense matrix."""
     problem = problem_of(name, 12)
     program = problem.casadi()
     n = len(problem.start)
@@ -138,7 +138,7 @@ def test_bounds_hold_the_ends_and_the_joint_limits(name: str) -> None:
 @pytest.mark.parametrize("plugin", PLUGINS)
 @pytest.mark.parametrize("name", ["planar_arm", "panda_corridor", "panda_cup"])
 def test_both_solvers_find_the_same_minimum(name: str, plugin: str) -> None:
-    """Where the weight is low and so the minimum is near: the gradient vanishes in every direction that is free."""
+    """The minimum, which is near at a low weight: the gradient vanishes in every direction that is free."""
     problem = problem_of(name, 12)
     program = problem.casadi()
     stages = program.stages if plugin == "fatrop" else {}
@@ -179,7 +179,7 @@ def test_a_cost_and_a_constraint_of_ones_own_are_kept(plugin: str) -> None:
     assert hdplan.certify(problem.scene, trajectory).certified
 
 
-def test_what_cannot_be_added_is_refused() -> None:
+def test_unfit_additions_are_refused() -> None:
     program = problem_of("planar_arm").casadi()
     assert repr(program) == "<Program of planar_arm: 34 variables, 22 constraints>"
     stranger = ca.MX.sym("stranger")

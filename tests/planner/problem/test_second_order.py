@@ -76,7 +76,7 @@ def moved(twist: ca.SX, rotation: ca.SX, origin: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_second_order_holds_for_any_function_of_a_relative_placement(name: str) -> None:
-    """Of two links of one branch, of two branches, or of a link and the world, in either order."""
+    """Two links of one branch, of two branches, or a link and the world, in either order."""
     _, kinematics = robot(name)
     rng = np.random.default_rng(7)
     for _ in range(6):
@@ -122,7 +122,7 @@ def angle_of(turn: ca.SX) -> ca.SX:
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("kind", ["upright", "within", "relative"])
 def test_the_lengths_that_path_constraints_measure(name: str, kind: str) -> None:
-    """Also a link relative to one that branches off before it, and to one that carries it."""
+    """A link relative to one that branches off before it, and to one that carries it, too."""
     _, kinematics = robot(name)
     rng = np.random.default_rng(8)
     last, supports = kinematics.nj - 1, kinematics.supports
@@ -159,7 +159,7 @@ def test_the_lengths_that_path_constraints_measure(name: str, kind: str) -> None
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_gravitys_torques(name: str) -> None:
-    """Of any weights, by the potential U's third derivatives."""
+    """Any weights, by the potential U's third derivatives."""
     model, kinematics = robot(name)
     torques = GravityTorques.of(model)
     q, state = drawn(name, 6)
@@ -178,8 +178,8 @@ def test_gravitys_torques(name: str) -> None:
     close(np.einsum("j,bjkl->bkl", weights, torques.second_order(state)), np.array([np.array(each(row)) for row in q]))
 
 
-def test_where_a_length_has_no_derivative_its_second_is_finite() -> None:
-    """At no turn and at half of one, and at the given place."""
+def test_a_length_without_a_derivative_has_a_finite_second_one() -> None:
+    """No turn, half of one, and the given place."""
     placements, columns = np.zeros((2, 2, 12)), np.random.default_rng(2).normal(size=(2, 3, 6))
     placements[..., [0, 4, 8]] = 1.0
     placements[1, 1, [4, 8]] = -1.0

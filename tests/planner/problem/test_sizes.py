@@ -114,7 +114,7 @@ def test_generated_c_takes_other_sizes() -> None:
 
 @pytest.mark.parametrize("changes", [{}, {"moving": True}, {"swept": True}], ids=str)
 def test_derivatives_by_sizes_and_poses(changes: dict[str, bool]) -> None:
-    """Of the penalty and of its gradient by waypoints, and its second derivatives by parameters, by differences."""
+    """The penalty and its gradient by waypoints, and its second derivatives by parameters, by differences."""
     problem, rng = problem_of(**changes), np.random.default_rng(9)
     penalty = SymbolicPenalty(problem, exact=True)
     x, p = ca.MX.sym("x", problem.start.size * problem.waypoints), ca.MX.sym("p", penalty.size)

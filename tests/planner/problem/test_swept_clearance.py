@@ -43,7 +43,7 @@ def cage() -> Problem:
 
 @pytest.fixture(scope="module")
 def motion(cage: Problem) -> Array:
-    """Through the bars."""
+    """A motion through the bars."""
     rng = np.random.default_rng(0)
     guess = np.linspace(cage.start, cage.goal, cage.waypoints)
     return cage.clip(guess + 0.1 * rng.normal(size=guess.shape))

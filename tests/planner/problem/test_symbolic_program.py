@@ -119,7 +119,7 @@ def test_random_scenes(chunk: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("chunk", range(20))
 def test_many_random_scenes(chunk: int) -> None:
-    """With every setting of the distance, and with Gauss-Newton's curvature too."""
+    """Every setting of the distance, and Gauss-Newton's curvature too."""
     seen = 0
     for seed in range(1000 + 10 * chunk, 1010 + 10 * chunk):
         problem = build(random_scene(seed, varied=True))
@@ -220,7 +220,7 @@ def test_moved_obstacles_equal_those_of_a_new_problem(name: str) -> None:
 
 
 def test_derivatives_by_the_poses() -> None:
-    """Of value and gradient, by differences along motions of an obstacle."""
+    """Value and gradient, by differences along motions of an obstacle."""
     problem, rng = problem_of("panda_cage"), np.random.default_rng(9)
     penalty = SymbolicPenalty(problem, exact=True)
     x, poses = ca.MX.sym("x", problem.start.size * problem.waypoints), ca.MX.sym("poses", penalty.size)
@@ -320,7 +320,7 @@ def test_compiled_it_is_the_same() -> None:
 
 @pytest.mark.parametrize("name", ["panda_conveyor", "panda_cage"])
 def test_standing_obstacles_change_no_number(name: str) -> None:
-    """What a solver evaluates, without derivatives by poses, is the graph itself, at other poses too."""
+    """The function that a solver evaluates, without derivatives by poses, is the graph itself, at other poses too."""
     program, rng = problem_of(name).casadi(form="symbolic"), np.random.default_rng(5)
     given, problem = [program.x, program.p], program.problem
     both = [

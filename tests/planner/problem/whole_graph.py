@@ -61,18 +61,21 @@ def graph_of(problem: Problem, exact: bool = True, movable: bool = True) -> ca.F
 
 def loops_at(problem: Problem, positions: Array, exact: bool = True) -> tuple[float, Array, Array]:
     """The same by the loops."""
-    found, (count, n) = problem.penalty(positions), positions.shape
+    found = problem.penalty(positions)
     diagonal, coupling = found.diagonal, found.coupling
     if exact:
         second_order = problem.second_order(positions)
         diagonal, coupling = diagonal + second_order[0], coupling + second_order[1]
-    hessian = np.zeros((count, n, count, n))
-    for k in range(count):
-        hessian[k, :, k] = diagonal[k]
-    for k in range(count - 1):
-        hessian[k + 1, :, k] += coupling[k]
-        hessian[k, :, k + 1] += coupling[k].T
-    return found.cost, found.gradient.ravel(), hessian.reshape(count * n, count * n)
+    return found.cost, found.gradient.ravel(), whole_matrix(diagonal, coupling)
+
+
+def whole_matrix(diagonal: Array, coupling: Array) -> Array:
+    """Symmetric matrix (N n, N n) with blocks (N, n, n) on its diagonal and (N − 1, n, n) below them."""
+    count, n = diagonal.shape[:2]
+    whole, k = np.zeros((count, n, count, n)), np.arange(count)
+    whole[k, :, k] = diagonal
+    whole[k[1:], :, k[:-1]], whole[k[:-1], :, k[1:]] = coupling, coupling.swapaxes(1, 2)
+    return whole.reshape(count * n, count * n)
 
 
 def agreed(found: Sequence[ca.DM], expected: tuple[float, Array, Array]) -> None:

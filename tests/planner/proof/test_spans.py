@@ -14,6 +14,7 @@ from hdplan.planner.proof.planes import Planes, unit
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify.kernel import Motion
+from tests.loops import in_numpy
 from tests.planner.proof.worlds import read
 
 
@@ -40,5 +41,5 @@ def test_spans_equal_the_kernels(scene: str, tmp_path: Path, monkeypatch: pytest
     kernel = slow.gaps(node, world.pairs[pair], normal)
     kernel = np.where(kernel < 0, kernel / 2, kernel)  # what does not suffice is not computed closely
     assert np.abs(found - kernel).max() < 1e-8
-    monkeypatch.setattr(interval_bounds, "library", lambda: None)  # without loops of C
+    in_numpy(monkeypatch, interval_bounds)  # without loops of C
     assert np.abs(planes.spans.bounds.by_plane(nodes, items, unit(normal))[1] - found).max() < 1e-10

@@ -7,10 +7,8 @@ import functools
 import itertools
 
 import numpy as np
-import pytest
 
 from hdplan import PathConstraints, Problem, Trajectory, build, load_scene
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.search.arms import Arms, arms_of
@@ -18,8 +16,9 @@ from hdplan.planner.search.escape import ways_back
 from hdplan.planner.search.free_space import free_part, free_space, is_free, with_these_alone
 from hdplan.planner.search.tree_ways import tree_ways
 from hdplan.scenes.targets import JointTarget
+from tests.loops import needs_loops
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 
 @functools.cache

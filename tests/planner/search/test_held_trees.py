@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from hdplan import Problem, Trajectory, build, load_scene
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.search.free_space import free_space, is_free
@@ -22,12 +21,13 @@ from hdplan.planner.search.search import Search
 from hdplan.planner.solvers.solution import Budget, Solution, Solver, SolverStatus
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
+from tests.loops import needs_loops
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
 from constrained import request
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 REQUESTS = (("upright", 0), ("upright", 1), ("position", 9), ("position", 5))  # Panda, UR5; paths, and timed
 

@@ -10,12 +10,12 @@ import pinocchio as pin
 import pytest
 
 from hdplan import AllOf, InputError, Limits, Pose, PoseTarget, RobotSpec, load_robot, load_scene
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.kinematics import inverse
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search import inverse_kinematics as search
 from hdplan.planner.search.inverse_kinematics import LEAST_DIFFERENCE, inverse_kinematics, reaching
+from tests.loops import in_numpy, needs_loops
 
 from ..links import pose_of
 
@@ -29,7 +29,7 @@ def turned(way: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 @pytest.mark.parametrize("name", ROBOTS)
 def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = load_robot(RobotSpec(name=name))
@@ -48,8 +48,7 @@ def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.Mon
         for goal in (target, both):
             found, missed = reaching(robot, goal, start, np.random.default_rng(number))
             with monkeypatch.context() as patch:
-                for module in (inverse, search):
-                    patch.setattr(module, "library", lambda: None)
+                in_numpy(patch, inverse, search)
                 expected, missed_too = reaching(robot, goal, start, np.random.default_rng(number))
             assert len(found) == len(expected) > 0
             np.testing.assert_allclose(found, expected, atol=SAME, rtol=0)
@@ -59,7 +58,7 @@ def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.Mon
             assert all(np.abs(a - b).max() > LEAST_DIFFERENCE for a, b in itertools.combinations(found, 2))
 
 
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 def test_in_c_and_in_numpy_the_same_rows_differ(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whole turns aside for joints that circle, also where rows are a hair more or less than LEAST_DIFFERENCE."""
     rng = np.random.default_rng(8)
@@ -68,7 +67,7 @@ def test_in_c_and_in_numpy_the_same_rows_differ(monkeypatch: pytest.MonkeyPatch)
         for circling in (None, rng.random(n) < 0.5):
             found = search._distinct(q, q[0], circling)
             with monkeypatch.context() as patch:
-                patch.setattr(search, "library", lambda: None)
+                in_numpy(patch, search)
                 expected = search._distinct(q, q[0], circling)
             assert found.tobytes() == expected.tobytes()
             assert 1 <= len(found) < 60
@@ -79,7 +78,7 @@ def test_in_c_and_in_numpy_the_same_rows_differ(monkeypatch: pytest.MonkeyPatch)
 def test_out_of_reach_nothing_is_found_and_the_miss_is_true(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = load_robot(RobotSpec(name="ur5"))
     if not compiled:
-        monkeypatch.setattr(inverse, "library", lambda: None)
+        in_numpy(monkeypatch, inverse)
     target = PoseTarget("tool0", Pose((2.0, 0.0, 0.0)))
     found, (miss,) = reaching(robot, target, np.zeros(6), np.random.default_rng(0))
     assert found.shape == (0, 6)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hdplan import Problem, Trajectory, build, load_scene
-from hdplan.distance.compiled.loops import Record, library
+from hdplan.distance.compiled.loops import Record
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.search.corners import shortened, through
@@ -19,8 +19,9 @@ from hdplan.planner.search.escape import escapes, ways_back
 from hdplan.planner.search.free_space import free_part, free_space, is_free
 from hdplan.planner.search.tree_ways import tree_ways
 from hdplan.planner.search.trees import Trees
+from tests.loops import needs_loops
 
-pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+pytestmark = needs_loops
 
 SCENES = ("panda_cage", "panda_carry", "tiago_shelf")  # among bars, with a held object, with a joint that slides
 

@@ -33,6 +33,7 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Sphere
 from hdplan.scenes.targets import JointTarget
+from tests.planner.problem.whole_graph import whole_matrix
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -176,13 +177,7 @@ def penalty_gradient(problem: Problem, positions: Array) -> Array:
 def gauss_newton(problem: Problem, positions: Array) -> Array:
     """The penalty's Gauss-Newton matrix (M n, M n), from its blocks."""
     state = problem.evaluate(positions, 1.0)
-    count, n = state.gradient.shape
-    matrix = np.zeros((count, n, count, n))
-    for k in range(count):
-        matrix[k, :, k] = state.diagonal[k]
-    for k in range(count - 1):
-        matrix[k, :, k + 1], matrix[k + 1, :, k] = state.coupling[k], state.coupling[k].T
-    return matrix.reshape(count * n, count * n)
+    return whole_matrix(state.diagonal, state.coupling)
 
 
 every_term = pytest.mark.parametrize(
@@ -208,7 +203,7 @@ every_term = pytest.mark.parametrize(
     ],
 )
 def test_the_gradient_is_that_of_the_cost(name: str, distance: str, tolerance: float) -> None:
-    """At a weight at which smoothness and penalty weigh about the same. The exact distance has kinks; a random motion
+    """Smoothness and penalty weigh about the same. The exact distance has kinks; a random motion
     misses them."""
     scene = shipped(name, 4)
     problem = build(dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, distance=distance)))
@@ -343,16 +338,20 @@ def in_hulls(scene: Scene) -> Scene:
     return dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, link_bodies="hull"))
 
 
+def assert_mirrored(scene: Scene, signs: Array, solver: str) -> None:
+    """The motion is that of the mirrored scene, whose joints turn by these signs."""
+    problem = build(scene)
+    image = between(scene, signs * problem.start, signs * problem.goal)
+    image = dataclasses.replace(image, obstacles=tuple(map(mirrored, scene.obstacles)))
+    one, other = run(scene, solver), run(image, solver)
+    assert_same_motion(one, signs * other.trajectory.positions, other, FITTED)
+
+
 @every_solver
 def test_a_mirrored_plane_gives_the_mirrored_motion(solver: str) -> None:
     """The planar arm seen in the x-z plane: q → −q."""
     scene = shipped("planar_arm")
-    scene = in_hulls(dataclasses.replace(scene, obstacles=(*scene.obstacles, BLOCK)))
-    problem = build(scene)
-    image = between(scene, -problem.start, -problem.goal)
-    image = dataclasses.replace(image, obstacles=tuple(map(mirrored, scene.obstacles)))
-    one, other = run(scene, solver), run(image, solver)
-    assert_same_motion(one, -other.trajectory.positions, other, FITTED)
+    assert_mirrored(in_hulls(dataclasses.replace(scene, obstacles=(*scene.obstacles, BLOCK))), -np.ones(2), solver)
 
 
 SIGNS = np.array([-1.0, 1.0, -1.0, 1.0])  # of joints about z, y, x, y in the x-z plane's mirror
@@ -388,23 +387,12 @@ ROUND = (Sphere(0.13), Cylinder(0.1, 0.4), Capsule(0.1, 0.3))
 def test_round_bodies_are_mirrored_too(symmetric_arm: Scene, shape: Sphere | Cylinder | Capsule) -> None:
     """Their planes stand for them in the problem, and are their own mirror images."""
     leaning = Obstacle("round", shape, about((1, 0.3, 1), 0.3, (0.7, 0.05, 0.5)))
-    scene = dataclasses.replace(symmetric_arm, obstacles=(leaning,))
-    problem = build(scene)
-    image = between(scene, SIGNS * problem.start, SIGNS * problem.goal)
-    one, other = (
-        run(scene, "gauss_newton"),
-        run(dataclasses.replace(image, obstacles=(mirrored(leaning),)), "gauss_newton"),
-    )
-    assert_same_motion(one, SIGNS * other.trajectory.positions, other, FITTED)
+    assert_mirrored(dataclasses.replace(symmetric_arm, obstacles=(leaning,)), SIGNS, "gauss_newton")
 
 
 @every_solver
 def test_a_mirrored_scene_gives_the_mirrored_motion(symmetric_arm: Scene, solver: str) -> None:
-    problem = build(symmetric_arm)
-    image = between(symmetric_arm, SIGNS * problem.start, SIGNS * problem.goal)
-    image = dataclasses.replace(image, obstacles=tuple(map(mirrored, symmetric_arm.obstacles)))
-    one, other = run(symmetric_arm, solver), run(image, solver)
-    assert_same_motion(one, SIGNS * other.trajectory.positions, other, FITTED)
+    assert_mirrored(symmetric_arm, SIGNS, solver)
 
 
 # --- symmetries of time -----------------------------------------------------------------------------------------------
@@ -415,7 +403,7 @@ def test_a_mirrored_scene_gives_the_mirrored_motion(symmetric_arm: Scene, solver
 
 @arms_and_solvers
 def test_the_way_back_is_the_way_there(name: str, solver: str) -> None:
-    """From the straight line, and from a guess that is reversed as well."""
+    """The straight line as guess, and one that is reversed as well."""
     scene = shipped(name)
     problem = build(scene)
     back = between(scene, problem.goal, problem.start)
@@ -471,7 +459,7 @@ def test_standing_still_in_contact_costs_the_same_however_often_it_is_looked_at(
 @pytest.mark.parametrize("name", ["empty", "ur5_table"])
 @every_solver
 def test_an_empty_scene_is_solved_by_the_straight_line(name: str, solver: str) -> None:
-    """From any guess."""
+    """Any guess will do."""
     scene = dataclasses.replace(shipped(name), obstacles=())
     problem = build(ignoring(scene))  # a wild guess may leave links on the wrong side of each other
     for words, guess in {"line": line(problem), **wild_guesses(problem, 20)}.items():
@@ -516,7 +504,7 @@ def test_a_plan_does_not_see_what_is_far_away(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["panda_corridor", "ur5_table"])
-def test_what_the_arm_could_reach_but_never_nears_changes_nothing(name: str) -> None:
+def test_obstacles_in_reach_but_never_near_change_nothing(name: str) -> None:
     """Such bodies are in the problem's tables; the motion is the same but for the order of sums."""
     scene = shipped(name)
     under, above = Obstacle("under", Box((0.5, 0.5, 0.1)), Pose((0, 0, -0.4))), Obstacle("above", Sphere(0.1))
@@ -564,7 +552,7 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process() -> None:
 
 
 def test_an_earlier_plan_leaves_no_trace() -> None:
-    """What a process keeps of a robot is the same for every scene."""
+    """A process keeps the same of a robot for every scene."""
     scene = shipped("panda_corridor")
     first = hdplan.plan(scene)
     hdplan.plan(shipped("panda_cage"), time_limit=1.0)

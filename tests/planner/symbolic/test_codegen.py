@@ -117,7 +117,7 @@ def test_a_number_that_is_wrong_fails_the_test(tmp_path: Path) -> None:
 
 
 @needs_compiler
-def test_from_several_threads_it_gives_what_symbolic_gives_and_none_for_what_is_no_number(tmp_path: Path) -> None:
+def test_threads_get_the_numbers_of_symbolic_and_nan_for_nan(tmp_path: Path) -> None:
     scene = hdplan.load_scene("planar_arm")
     prefix, found = written(scene, tmp_path), symbolic.clearance(scene, movable=["ball", "prism"])
     run(COMPILERS[0], *STRICT, "-shared", "-fPIC", f"{prefix}.c", "-o", "arm.so", "-lm", folder=tmp_path)

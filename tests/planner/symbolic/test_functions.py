@@ -233,7 +233,7 @@ def test_derivatives_by_an_obstacles_pose_are_those_by_finite_steps(made: hdplan
 
 
 def test_a_pair_at_an_aligned_pose_has_the_right_derivatives() -> None:
-    """Where vertices tie, CasADi's own derivatives would be those of one branch."""
+    """CasADi's own derivatives would be those of one branch where vertices tie."""
     scene = hdplan.load_scene("planar_arm")
     found, q = symbolic.clearance(scene), np.zeros(2)
     function = derivatives(found, np.ones(len(found.pairs)), found.poses)
@@ -252,7 +252,7 @@ def test_a_third_derivative_is_refused() -> None:
         ca.Function("third", [q], [ca.jacobian(curve, q)])
 
 
-def test_what_is_no_number_gives_none() -> None:
+def test_not_a_number_gives_not_a_number() -> None:
     found = symbolic.clearance(hdplan.load_scene("planar_arm"))
     for q in ([np.nan, 0.0], [0.0, np.inf]):
         distance = full(found.function(q, found.poses))[:, 0]

@@ -6,12 +6,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hdplan.distance.compiled.loops import library
 from hdplan.planner.timing import time_optimal as module
 from hdplan.planner.timing.limits import RateLimit
 from hdplan.planner.timing.path_spline import PathSpline, smooth
 from hdplan.planner.timing.time_optimal import GRID, OnGrid, PathRows, grid, time_optimal
 from hdplan.scenes.errors import HdplanError
+from tests.loops import in_numpy, needs_loops
 
 ROUNDING = 1e-6  # [–] of a limit
 SEIDEL = 1e-5  # [–] by which toppra's law differs: its programs have tolerances, and may fail at a pace
@@ -61,7 +61,7 @@ def test_the_time_law_equals_toppras_within_the_limits() -> None:
                 )
 
 
-@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@needs_loops
 def test_loop_and_twin_agree_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(3)
     for trial in range(12):
@@ -74,12 +74,13 @@ def test_loop_and_twin_agree_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None
             a, b = rng.normal(size=(2, GRID + 1, 3))
             rows.append(PathRows(a, b, np.full((GRID + 1, 3), 10.0 ** rng.uniform(-3, 1))))
         found = []
-        for loops in (library(), None):
-            monkeypatch.setattr(module, "library", lambda loops=loops: loops)
-            try:
-                found.append(time_optimal(rows).path_speeds.tobytes())
-            except HdplanError as error:
-                found.append(str(error).encode())
+        with monkeypatch.context() as patch:
+            for _ in ("loop", "twin"):
+                try:
+                    found.append(time_optimal(rows).path_speeds.tobytes())
+                except HdplanError as error:
+                    found.append(str(error).encode())
+                in_numpy(patch, module)
         assert found[0] == found[1]
 
 
@@ -87,7 +88,7 @@ def test_loop_and_twin_agree_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None
 def test_the_absence_of_a_law_is_reported(monkeypatch: pytest.MonkeyPatch, loops: bool) -> None:
     """Limits that are not numbers have none, either; without limits, a law is as fast as it gets."""
     if not loops:
-        monkeypatch.setattr(module, "library", lambda: None)
+        in_numpy(monkeypatch, module)
     one = np.ones((GRID + 1, 1))
     assert time_optimal([]).knots[-1] < 1e-3
     limited = PathRows.both(one, 0.0 * one, 0.0 * one, np.ones(1))

@@ -118,7 +118,7 @@ def test_there_is_no_callback_to_the_host() -> None:
 
 
 def test_derivatives_are_right_where_vertices_tie() -> None:
-    """At an aligned pose, where automatic derivatives of a plain minimum would be those of one vertex."""
+    """An aligned pose, where automatic derivatives of a plain minimum would be those of one vertex."""
     own = problem("planar_arm")
 
     def of(by: Any) -> Any:

@@ -107,7 +107,7 @@ def test_distances_are_those_of_the_planner_and_infinite_beyond() -> None:
     assert every.shape[-2] == max(len(own.samples.weight) for own in problems())
 
 
-def test_what_fills_the_tables_costs_exactly_nothing() -> None:
+def test_padding_of_the_tables_costs_exactly_nothing() -> None:
     """A problem without pairs, filled up beside crowded ones, costs its smoothness to the last bit, and its slope is
     the smoothness' alone, whatever the weight."""
     values, slopes, *_ = found()
@@ -132,7 +132,7 @@ def test_problems_in_another_order_give_the_same_in_that_order() -> None:
     assert compiled()._cache_size() == 1  # other numbers in tables of the same shapes: nothing is compiled again
 
 
-def test_in_single_precision_to_a_thousandth() -> None:
+def test_single_precision_agrees_to_a_thousandth() -> None:
     values, slopes, *_ = found()
     single = quick_jit(jax.value_and_grad(lambda x: cost()(x, WEIGHTS).sum()))
     value, slope = single(drawn().astype(np.float32))
