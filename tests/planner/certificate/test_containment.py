@@ -170,8 +170,9 @@ def write_arm(file: Path, arm: str = link_text("arm"), hand: str = link_text("ha
     return write_robot(file, link_text("base"), arm, link_text("elbow"), hand, *joints)
 
 
-ROLES = ("link, obstacle", "obstacle, link", "held, obstacle", "obstacle, held", "held, mover", "link, link")
-ROLES += ("held, link",)
+ROLES = (
+    "link, obstacle", "obstacle, link", "held, obstacle", "obstacle, held", "held, mover", "link, link", "held, link"
+)  # fmt: skip
 
 
 def rotation(axis: int, angle: float) -> Array:

@@ -257,7 +257,9 @@ def test_spoilt_files_are_refused_or_read_as_others_read_them(tmp_path: Path) ->
         unit = re.search(r'<unit[^>]* meter="([^"]*)"', text)
 
         def others(meter: str = unit[1] if unit else "1") -> list[np.ndarray]:
-            return [by_assimp(path) * float(meter)]
+            theirs = by_assimp(path)
+            assert theirs is not None
+            return [theirs * float(meter)]
 
         counts[judged(path, made.triangles, others)] += 1
     assert counts["refused"] > 40

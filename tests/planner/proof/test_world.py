@@ -211,8 +211,8 @@ def test_robots_with_followers_or_a_base_that_moves_or_hangs_are_where_pinocchio
 
 def test_followers_and_what_limits_them(tmp_path: Path) -> None:
     """Each joint has its own limits; the planned ones are not narrowed by what follows them, nor are its velocities."""
-    limits = Limits(velocity={"lift": 0.5}, acceleration=2.0)
-    found = world(lifter(tmp_path, limits=limits, timing=Timing(duration=3.0)))
+    given = Limits(velocity={"lift": 0.5}, acceleration=2.0)
+    found = world(lifter(tmp_path, limits=given, timing=Timing(duration=3.0)))
     names = [joint["name"] for joint in found["joints"]]
     follows = {joint["name"]: joint["follows"] for joint in found["joints"] if joint["follows"]}
     assert names == ["turn", "cylinder", "lift", "elbow", "roll", "bend", "slide", "piston", "rod"]
