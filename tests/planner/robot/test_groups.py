@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -339,7 +338,7 @@ def test_a_group_or_chain_of_what_is_not_there_is_named_in_a_note(two_arms: Robo
     robot = load_robot(replace(spec, group="a"))
     assert robot.joint_names == ("lift",)
     notes = "\n".join(robot.notes)
-    assert re.search(r"groups that nothing defines: 'bb'.*'aa' \(did you mean 'a'\?\)", notes)
+    assert "groups that nothing defines: 'aa' (did you mean 'a'?), 'bb'" in notes
     assert "'left_tipp' (did you mean 'left_tip'?)" in notes
 
 
