@@ -73,7 +73,6 @@ class Tabs:
         self.browser = browser
         self.complaints: list[str] = []
         self.pages: list[Any] = []
-        self.blank: Any = None
 
     def __call__(self, address: str) -> Any:
         page = self.browser.new_page()
