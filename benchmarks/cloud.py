@@ -27,7 +27,7 @@ import trimesh
 from cells import milliseconds
 from memory import most_memory
 from problems import RealProblem, problem_parser, real_problems
-from recheck_cloud import touching
+from recheck import touching
 
 import hdplan
 from hdplan import control

@@ -344,8 +344,8 @@ def main() -> None:
             verdict = verdict or files.judge(*found)
             tally[kind][verdict.partition(":")[0]] += 1
             if ":" in verdict:
-                told = number, kind, files.folder.name, verdict, _difference(files, changed)
-                print(*told, file=sys.stderr, flush=True)
+                shown = number, kind, files.folder.name, verdict, _difference(files, changed)
+                print(*shown, file=sys.stderr, flush=True)
     print(table(tally, ("rejected", "true", "not judged", "false", "error")))
     print(f"slowest {slowest:.1f} s, memory at most {most_memory() / 1e9:.2f} GB")
 

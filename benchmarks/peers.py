@@ -10,26 +10,12 @@ error stream, a line per problem and planner, and what is proven by set. The pee
 
 (later wheels of the last need a C++ runtime of 2023); without some of them choose by --planner those that are there.
 
-Planners, all on one core, from the same start to the same goal, each within its time limit; those that take a pose of
-the hand for a goal plan to it with `--goals pose`:
-
-    hdplan          default settings, seed 0, within the limits below; claims a motion only with a certificate, whose
-                    time is in its own, as is that of the timing
-    drake-25/-100   KinematicTrajectoryOptimization, collisions looked at in 25 or 100 samples: see `peer_drake`
-    trajopt         Tesseract's TrajOpt with its examples' settings, in swept hulls 0.1 rad apart, no margin:
-                    see `peer_trajopt`
-    trajopt-5mm     the same, and the margin kept (casts 0.05 or 0.02 rad apart prove no more and take many times as
-                    long)
-    rrtconnect      OMPL's RRTConnect and path simplification, edges checked every 0.02 rad: see `peer_ompl`
-    rrtconnect-1%   the same as OMPL comes: edges checked every 1 % of the space's extent (0.14 rad for Panda), no
-                    margin
-    aorrtc-1s, aorrtc  OMPL's AORRTC, which shortens its path as long as it may: for 1 s, or to the time limit
-    roboplan        its RRT-Connect and shortcuts as they come, edges checked every 0.05 rad, no margin: see
-                    `peer_roboplan`
-    roboplan-fine   the same every 0.01 rad
-    hpp             HPP's bidirectional RRT and random shortcuts, edges checked every 0.05 rad, no margin: see
-                    `peer_hpp`
-    hpp-proven      the same, edges proven by its continuous collision test
+Planners (PLANNERS has their words), all on one core, from the same start to the same goal, each within its time limit,
+are described in `peer_drake`, `peer_trajopt`, `peer_ompl`, `peer_roboplan` and `peer_hpp`; those that take a pose of
+the hand for a goal plan to it with `--goals pose`. hdplan has its default settings and seed 0, and claims a motion only
+with a certificate, whose time is in its own, as is that of the timing. TrajOpt's casts 0.05 or 0.02 rad apart prove no
+more and take many times as long; OMPL's own resolution is 1 % of the space's extent, 0.14 rad for Panda; its AORRTC
+shortens its path as long as it may.
 
 The peers get the convex hulls of the links' and the obstacles' pieces and the pairs that the certificate compares, and
 where they know a margin they keep 5 mm, or half of what the ends keep where that is less. (UR5's forearm is not convex:

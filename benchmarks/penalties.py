@@ -4,8 +4,8 @@
     [--picture F]
 
 DIR holds MotionBenchMaker's problems as `mbm` takes them; the shipped scenes come on top. Each problem is planned with
-each of `penalty_variants`, one right after the other, all else at its default. Prints tables: effort over all problems,
-motions over those that all certify, cost of a pair's distance with and without Python's loop (`penalty_pairs`),
+each of VARIANTS, one right after the other, all else at its default. Prints tables: effort over all problems, motions
+over those that all certify, cost of a pair's distance with and without Python's loop (`penalty_pairs`),
 near-parallel faces (`penalty_faces`); to the error stream, a line per problem; and draws a picture of the cost against
 the iteration (`penalty_picture`).
 
@@ -34,7 +34,7 @@ import penalty_pairs
 import penalty_picture
 from cells import milliseconds, quantiles
 from peer_task import Shape, measure
-from penalty_variants import VARIANTS, varied
+from penalty_faces import VARIANTS, varied
 from problems import SHIPPED, mixed_problems, problem_parser
 from threadpoolctl import threadpool_limits
 

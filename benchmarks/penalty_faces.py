@@ -1,4 +1,8 @@
-"""How both penalties behave where faces are nearly parallel: a box above a wall, and the corridor.
+"""The penalties that `penalties` compares, and how they behave where faces are nearly parallel: a box above a wall, and
+the corridor.
+
+At gamma 12 the HD-SDF has almost the kinks of a plain maximum of minima, with the same planes: this tells apart what
+smoothness does from what exactness does.
 
 Between parallel faces the exact distance has a kink: the witness point jumps from one edge of the face to the other,
 and with it the gradient. The HD-SDF weighs all vertices and normals, so its gradient turns smoothly.
@@ -6,10 +10,11 @@ and with it the gradient. The HD-SDF weighs all vertices and normals, so its gra
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from penalty_variants import VARIANTS, varied
 
 import hdplan
 from hdplan.distance.bodies import ConvexBody
@@ -25,8 +30,14 @@ from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 
+VARIANTS: Mapping[str, Mapping[str, Any]] = {
+    "hdsdf": {"distance": "hdsdf"},
+    "hdsdf, gamma 12": {"distance": "hdsdf", "gamma": 12},
+    "fcl": {"distance": "fcl"},
+}
 EDGE, GAP, MARGIN = 0.1, 0.01, 0.02  # [m] of the box, from it to the wall, and of the penalty
 TILTS = np.deg2rad(np.linspace(-3.0, 3.0, 601))
 MOTION = 1e-3  # [rad] length of a small motion in joint space
@@ -34,6 +45,12 @@ MOTIONS = 10  # of them for each configuration
 DEEP = 0.005  # [m] of the 20 that the margin has
 MUCH = 0.2  # relative change that is counted
 ON_THE_WAY = (0.0, 0.25, 0.5, 0.75, 1.0)
+
+
+def varied(scene: Scene, name: str, **settings: Any) -> Scene:
+    """The scene with a variant's settings, and others."""
+    planner: Any = replace(scene.planner, **VARIANTS[name], **settings)
+    return replace(scene, planner=planner)
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,8 @@ from hdplan.verify.kernel import NARROWEST, Motion
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # after the choice of a backend
 
-SCENE, LINK, OBSTACLE_NAME = "panda_cage", "panda_hand", "bar3"
-LEAVES = (1, 2, 3, 4)  # that are drawn: from when the hand comes until it has passed
+SCENE, LINK, OBSTACLE_NAME = "panda_cage", "panda_hand", "bar4"
+LEAVES = (7, 8, 9, 10)  # that are drawn: from when the hand comes until it has passed
 POSES = 7  # of the link in each
 SIDES, BELOW, OVER = 0.17, 0.06, 0.135  # [m] that a panel shows beside the bar, in front of it and behind it
 LONG = 1.0  # [m] half the length of a strip
@@ -49,7 +49,7 @@ def main() -> None:
         figure, axes = plt.subplots(1, len(LEAVES), figsize=(10.5, 2.35), layout="constrained")
         for axis, leaf in zip(axes, LEAVES, strict=True):
             draw_leaf(axis, read, pair, leaf)
-        name_things(axes[1])
+        name_things(axes[0])
         title = "On each interval of the motion, one plane keeps the hand away from the bar"
         figure.suptitle(title, fontsize=11, weight="bold")
         figure.savefig(FILE, dpi=150)
@@ -87,7 +87,7 @@ def name_things(axis: Any) -> None:
     for text, where, color in (
         ("hand, as it\nmoves along", (0.02, 0.93), START),
         ("bar", (0.56, 0.33), INK),
-        ("plane, in a strip\nthat neither enters", (0.02, 0.3), GOOD),
+        ("plane, in a strip\nthat neither enters", (0.47, 0.2), GOOD),
     ):
         axis.text(*where, text, transform=axis.transAxes, color=color, fontsize=8, va="top")
 

@@ -1,7 +1,8 @@
 """Re-check a trajectory on a MotionBenchMaker problem by code that shares nothing with hdplan.
 
 URDF and forward kinematics by the sieges' judge (`sieges.machine`, NumPy), own reading of MoveIt's scene and request,
-meshes by trimesh, collisions by python-fcl, dense samples of the motion. It can refute a certificate, not give one.
+meshes by trimesh, collisions by python-fcl, dense samples of the motion; in a cloud of points every ball against every
+link, hulls by SciPy. It can refute a certificate, not give one.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import fcl
 import numpy as np
 import trimesh
 import yaml
+from scipy.spatial import ConvexHull, cKDTree
 from sieges.machine import DATA, NAMED, SHARE, Joint, Machine
 from sieges.poses import from_quaternion, from_rpy
 
@@ -105,6 +107,29 @@ def recheck(trajectory: Path, scene: Path, request: Path, robot: Path) -> str:
             if fcl.collide(_placed(a, world, t), _placed(b, world, t), fcl.CollisionRequest(), fcl.CollisionResult()):
                 return "; ".join([*faults, f"{a.name} and {b.name} touch at {times[t]:.6g} of the motion"])
     return "; ".join(faults)
+
+
+def touching(trajectory: Path, request: Path, robot: Path, points: Array, radius: float) -> dict[str, Any] | None:
+    """Return the first contact found, of a link with the ball of a point (m, 3) in the world, or None."""
+    motion = Moved.of(json.loads(trajectory.read_text()), request, robot)
+    nearby, ball = cKDTree(points), fcl.Sphere(radius)
+    for link in motion.links:
+        placements = motion.frames[link.name] @ link.pose
+        if np.ptp(placements, axis=0).max() < 1e-12:
+            continue  # fixed to the world: it may stand on what is seen
+        reach = link.radius + radius
+        planes = None if link.mesh is None else ConvexHull(link.mesh.vertices).equations
+        for t, pose in enumerate(placements):
+            rows = nearby.query_ball_point(pose[:3] @ np.append(link.center, 1.0), reach)
+            local = (points[rows] - pose[:3, 3]) @ pose[:3, :3]
+            if planes is not None and len(local):  # the others are outside of the hull, by more than the radius
+                local = local[(local @ planes[:, :3].T + planes[:, 3]).max(axis=1) <= radius]
+            for point in local:
+                bodies = fcl.CollisionObject(link.shape), fcl.CollisionObject(ball, fcl.Transform(point))
+                hit = fcl.collide(*bodies, fcl.CollisionRequest(), fcl.CollisionResult())
+                if hit or (link.mesh is not None and link.mesh.is_watertight and link.mesh.contains(point[None])[0]):
+                    return {"link": link.name, "time": float(motion.times[t]), "point": point.tolist()}
+    return None
 
 
 def _placed(solid: Solid, world: dict[int, Array], t: int) -> Any:

@@ -61,11 +61,8 @@ def main() -> int:
         first = [library_of(compiler, name) for name in ("libasan.so", "libstdc++.so.6")]
         environment = {
             **os.environ,
-            "LD_PRELOAD": " ".join(first),
-            "ASAN_OPTIONS": "detect_leaks=0",
-            "UBSAN_OPTIONS": "print_stacktrace=1",
-            "PYTHONMALLOC": "malloc",
-            "PYTHONPATH": folder,
+            **{"ASAN_OPTIONS": "detect_leaks=0", "UBSAN_OPTIONS": "print_stacktrace=1", "PYTHONMALLOC": "malloc"},
+            **{"LD_PRELOAD": " ".join(first), "PYTHONPATH": folder},
         }
         tests = sys.argv[1:] or SUITES
         options = ["-q", "-p", "no:xdist", "-o", "addopts=--import-mode=importlib", "--capture=sys"]

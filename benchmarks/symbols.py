@@ -19,6 +19,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
+from unittest import mock
 
 import casadi as ca
 import numpy as np
@@ -130,15 +131,8 @@ def measured(problem: Problem) -> dict[str, dict[str, float]]:
 @contextlib.contextmanager
 def no_cache() -> Iterator[None]:
     """Nothing that was compiled before is found."""
-    before = os.environ.get("HDPLAN_CACHE")
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ["HDPLAN_CACHE"] = folder
-        try:
-            yield
-        finally:
-            os.environ.pop("HDPLAN_CACHE")
-            if before is not None:
-                os.environ["HDPLAN_CACHE"] = before
+    with tempfile.TemporaryDirectory() as folder, mock.patch.dict(os.environ, HDPLAN_CACHE=folder):
+        yield
 
 
 def buffered(function: ca.Function, given: list[Array]) -> Callable[[], object]:

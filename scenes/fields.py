@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from hdplan.scenes.errors import FieldError, InputError, MissingFileError, naming, nearest
 from hdplan.scenes.files import read_file
 from hdplan.scenes.number_text import read_number
-from hdplan.scenes.values import Check, Choice, Number, Row, Whole, boolean, describe, shorten, text
+from hdplan.scenes.values import Choice, Number, Row, Whole, boolean, describe, shorten, text
 from hdplan.scenes.yaml_values import read_mapping
 
 T = TypeVar("T")
@@ -94,8 +94,7 @@ class Field:
 
     def number(self, low: float = -math.inf, high: float = math.inf, above: float = -math.inf, unit: str = "") -> float:
         """Return a finite number, at most LARGEST in size, with low <= value <= high and value > above."""
-        found: float = self.checked(Number(low, high, above, unit), self._number(self.value))
-        return found
+        return self.checked(Number(low, high, above, unit), self._number(self.value))
 
     def _number(self, value: object) -> object:
         """Return the number that a text holds, in a document that may hold numbers as text."""
@@ -106,45 +105,38 @@ class Field:
 
     def integer(self, low: int, high: int) -> int:
         """Return a whole number with low <= value <= high."""
-        found: int = self.checked(Whole(low, high), self.value)
-        return found
+        return self.checked(Whole(low, high), self.value)
 
     def numbers(self, length: int | None = None, above: float = -math.inf, unit: str = "") -> tuple[float, ...]:
         """Return a list of finite numbers, each greater than `above`."""
         given = [self._number(item) for item in self.value] if isinstance(self.value, list) else self.value
-        found: tuple[float, ...] = self.checked(Row(Number(above=above, unit=unit), length), given)
-        return found
+        return self.checked(Row(Number(above=above, unit=unit), length), given)
 
     # Texts
 
     def text(self) -> str:
         """Return a text that is not empty and holds no control characters, such as line breaks."""
-        found: str = self.checked(text, self.value)
-        return found
+        return self.checked(text, self.value)
 
     def choice(self, allowed: Collection[str]) -> str:
         """Return one of the allowed words."""
-        found: str = self.checked(Choice(allowed), self.value)
-        return found
+        return self.checked(Choice(allowed), self.value)
 
     def boolean(self) -> bool:
         """Return a boolean."""
-        found: bool = self.checked(boolean, self.value)
-        return found
+        return self.checked(boolean, self.value)
 
     def texts(self) -> tuple[str, ...]:
         """Return a list of texts, each as `text` has it."""
-        found: tuple[str, ...] = self.checked(Row(text, of="values"), self.value)
-        return found
+        return self.checked(Row(text, of="values"), self.value)
 
     def booleans(self, length: int | None = None) -> tuple[bool, ...]:
         """Return a list of booleans."""
-        found: tuple[bool, ...] = self.checked(Row(boolean, length, "booleans"), self.value)
-        return found
+        return self.checked(Row(boolean, length, "booleans"), self.value)
 
     # The checks of a scene's classes
 
-    def checked(self, check: Check, value: object) -> Any:
+    def checked(self, check: Callable[[Any], T], value: object) -> T:
         """Return a value of this field after its check."""
         try:
             return check(value)

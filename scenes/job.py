@@ -20,13 +20,7 @@ from hdplan.scenes.values import NEEDED, Checked, JointValue, Name, Named, Numbe
 
 MOST_STAGES = 1000
 
-
 Output = bool | float | str
-
-
-def fingers_of(value: object) -> dict[str, float]:
-    """Return the values of joints by name."""
-    return Named(JointValue)(value)
 
 
 @dataclass(frozen=True, repr=False)
@@ -59,7 +53,7 @@ class Move(ArmStage):
 class _Hand(AnyStage):
     """A stage in which fingers move to `joints` while the arm stands still."""
 
-    joints: Annotated[Mapping[str, float], fingers_of] = field(default_factory=dict)
+    joints: Annotated[Mapping[str, float], Named(JointValue)] = field(default_factory=dict)
     """Values of the fingers' joints, which the arm's stages hold [rad] or [m]; none for a hand without fingers."""
     object: Name | None = None
 
@@ -187,11 +181,7 @@ def stages_of(value: object) -> tuple[Stage, ...]:
             raise FieldError(f"the name {name!r} is that of stage {names[name]} too; names must differ", f"[{i}]")
         names[name] = i
     for i, (stage, following) in enumerate(zip(value, [*value[1:], None], strict=True)):
-        if (
-            isinstance(stage, Move | Line | Circle | Along)
-            and stage.blend > 0.0
-            and (why := _unblended(stage, following))
-        ):
+        if why := _unblended(stage, following):
             raise FieldError(f"stage '{stage_name(stage, i)}' {why}", f"[{i}].blend")
     return tuple(value)
 

@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import numpy as np
-
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.values import Checked, Named, Number, Numbers, Row, describe
+from hdplan.scenes.values import FORMS, Checked, Named, Number, Numbers, PerJoint, Row
 
 FromUrdf = Literal["urdf"]
 JointValues = FromUrdf | float | tuple[float, ...] | Mapping[str, float]
@@ -46,35 +44,19 @@ class JointQuantity:
         turns, slides = self.unit.split(" or ")
         return turns, slides
 
+    @property
+    def numbers(self) -> PerJoint:
+        """The check of all values but the word."""
+        allowed = f"{'urdf, ' * self.in_urdf}{FORMS}, all above 0 [{self.unit}]"
+        return PerJoint(Number(above=0.0, unit=self.unit), allowed)
+
     def __call__(self, value: object) -> Any:
         """Return a float, a tuple, a dictionary, or "urdf"; None as it is."""
-        number = Number(above=0.0, unit=self.unit)
-        if isinstance(value, np.ndarray) and value.ndim:  # it equals no word
-            value = list(value)
-        match value:
-            case None:
-                return None
-            case "urdf" if self.in_urdf:
-                return "urdf"
-            case "urdf":
-                raise FieldError(f"a URDF holds no {self.name} limits: give numbers [{self.unit}]", value=value)
-            case str(word) if word[:1] in "+-.0123456789":  # meant as a number: its own words say how to write it
-                return number(value)
-            case {**named} if named:
-                return Named(number)(value)
-            case [_, *_]:
-                return Row(number)(value)
-            case bool() | str() | dict() | list() | tuple() | np.ndarray():
-                raise self._wrong(value)
-        try:
-            return number(value)
-        except FieldError as error:
-            raise self._wrong(value) if error.kind else error from None
-
-    def _wrong(self, value: object) -> FieldError:
-        urdf = "urdf, " * self.in_urdf
-        allowed = f"{urdf}a number, a list of numbers, or a mapping from joint names to numbers, all above 0"
-        return FieldError(f"must be {allowed} [{self.unit}], found {describe(value)}", value=value)
+        if value is None or (self.in_urdf and isinstance(value, str) and value == "urdf"):
+            return value
+        if isinstance(value, str) and value == "urdf":
+            raise FieldError(f"a URDF holds no {self.name} limits: give numbers [{self.unit}]", value=value)
+        return self.numbers(value)
 
 
 QUANTITIES = {

@@ -54,7 +54,7 @@ def read_quaternion(entry: Field) -> Quaternion:
         InputError: its length differs from 1 by more than that.
     """
     given = entry.numbers(4)
-    quaternion: Quaternion = entry.checked(rotation, given)
+    x, y, z, w = entry.checked(rotation, given)
     if abs(math.hypot(*given) - 1.0) > QUATERNION_ROUNDING:
         entry.note(f"the quaternion of length {math.hypot(*given):.6g} was normalized")
-    return quaternion
+    return x, y, z, w

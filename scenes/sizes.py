@@ -6,12 +6,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Self
 
 import numpy as np
 
-from hdplan.scenes.errors import FieldError
-from hdplan.scenes.values import Checked, Named, Number, Numbers, Row, describe
+from hdplan.scenes.values import FORMS, Checked, Number, Numbers, PerJoint
 
 Distance = Annotated[float, Number(0.0, 1.0, unit="m")]
 Turn = Annotated[float, Number(0.0, math.pi, unit="rad")]
@@ -20,27 +19,9 @@ JointSizes = float | tuple[float, ...] | Mapping[str, float]
 AnyJointSizes = float | Numbers | Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class JointSize:
-    """A size of every joint, at least 0: one for all joints, one each, or by name."""
-
-    unit: str
-    most: float = math.inf
-
-    def __call__(self, value: object) -> Any:
-        """Return a float, a tuple or a dictionary."""
-        size = Number(0.0, self.most, unit=self.unit)
-        if isinstance(value, np.ndarray) and value.ndim:
-            value = list(value)
-        match value:
-            case {**named} if named:
-                return Named(size)(value)
-            case [_, *_]:
-                return Row(size)(value)
-            case bool() | dict() | list() | tuple() | None:
-                forms = "a number, a list of numbers, or a mapping from joint names to numbers"
-                raise FieldError(f"must be {forms}, at least 0 [{self.unit}], found {describe(value)}", value=value)
-        return size(value)
+def joint_sizes(unit: str, most: float = math.inf) -> PerJoint:
+    """Return the check of a size of every joint, at least 0."""
+    return PerJoint(Number(0.0, most, unit=unit), f"{FORMS}, at least 0 [{unit}]")
 
 
 class Sized(Checked):
@@ -71,8 +52,8 @@ class Uncertainty(Sized):
 class Tracking(Sized):
     """The largest deviations of the joints from the motion while a controller executes it."""
 
-    position: Annotated[JointSizes, JointSize("rad or m", 1.0)] = 0.0
-    velocity: Annotated[JointSizes, JointSize("rad/s or m/s")] = 0.0
+    position: Annotated[JointSizes, joint_sizes("rad or m", 1.0)] = 0.0
+    velocity: Annotated[JointSizes, joint_sizes("rad/s or m/s")] = 0.0
 
     if TYPE_CHECKING:
 

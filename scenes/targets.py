@@ -19,6 +19,7 @@ from hdplan.scenes.values import (
     Named,
     Number,
     Numbers,
+    PerJoint,
     Row,
     checked,
     is_row,
@@ -33,20 +34,10 @@ JointRates = tuple[float, ...] | Mapping[str, float]
 """A rate for each joint: in the order of the planned joints, or by name, the others 0."""
 
 
-@dataclass(frozen=True)
-class Rates:
-    """Rates of the joints, as a list or by name."""
-
-    unit: str
-
-    def __call__(self, value: object) -> JointRates:
-        """Return them as a tuple, or as a new dictionary."""
-        number = Number(unit=self.unit)
-        if isinstance(value, Mapping) and value:
-            return Named(number)(value)
-        if is_row(value) and len(value):
-            return Row(number)(value)
-        raise wrong(f"a list of numbers, or a mapping from joint names to numbers [{self.unit}]", value)
+def joint_rates(unit: str) -> PerJoint:
+    """Return the check of rates of the joints, as a list or by name."""
+    allowed = f"a list of numbers, or a mapping from joint names to numbers [{unit}]"
+    return PerJoint(Number(unit=unit), allowed, single=False)
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,8 +51,10 @@ class JointTarget(Checked):
     positions: Annotated[tuple[float, ...], Row(JointValue)] | None = None  # in the order of the planned joints
     by_name: Annotated[Mapping[str, float], Named(JointValue)] | None = None  # joint name -> value
     state: Name | None = None  # a named state of the SRDF
-    velocity: Annotated[JointRates, Rates("rad/s or m/s")] | None = None  # None: at rest, and nobody asks
-    acceleration: Annotated[JointRates, Rates("rad/s² or m/s²")] | None = None  # None: 0 where there is a velocity
+    velocity: Annotated[JointRates, joint_rates("rad/s or m/s")] | None = None  # None: at rest, and nobody asks
+    acceleration: Annotated[JointRates, joint_rates("rad/s² or m/s²")] | None = (
+        None  # None: 0 where there is a velocity
+    )
 
     @property
     def moves(self) -> bool:
@@ -216,8 +209,8 @@ class State(Checked):
     """
 
     joints: Annotated[JointTarget, Configuration("joints")]
-    velocity: Annotated[JointRates, Rates("rad/s or m/s")] | None = None
-    acceleration: Annotated[JointRates, Rates("rad/s² or m/s²")] | None = None
+    velocity: Annotated[JointRates, joint_rates("rad/s or m/s")] | None = None
+    acceleration: Annotated[JointRates, joint_rates("rad/s² or m/s²")] | None = None
 
     if TYPE_CHECKING:
 

@@ -153,6 +153,32 @@ class Named:
         return {str(name): checked(self.item, item, name) for name, item in value.items()}
 
 
+FORMS = "a number, a list of numbers, or a mapping from joint names to numbers"
+
+
+@dataclass(frozen=True)
+class PerJoint:
+    """Numbers of the joints: one for all if `single`, one each in the order of the planned joints, or by name."""
+
+    number: Number
+    allowed: str  # in words
+    single: bool = True
+
+    def __call__(self, value: object) -> Any:
+        """Return a float, a tuple or a dictionary."""
+        if isinstance(value, Mapping) and value:
+            return Named(self.number)(value)
+        if is_row(value) and len(value):
+            return Row(self.number)(value)
+        try:
+            if self.single:
+                return self.number(value)
+        except FieldError as error:  # of a text meant as a number, its own words say how to write it
+            if not error.kind or (isinstance(value, str) and value[:1] in "+-.0123456789"):
+                raise
+        raise wrong(self.allowed, value)
+
+
 @dataclass(frozen=True)
 class Choice:
     """One of several words."""

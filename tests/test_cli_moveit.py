@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -36,7 +37,7 @@ def test_moveit_files(hdplan: Command) -> None:
     assert "left out, as planar_arm has no such joints: gripper" in done.out
 
 
-BAD_INPUT = {  # the goal, the arguments left out, and parts of the message
+BAD_INPUT: dict[str, tuple[Any, ...]] = {  # the goal, the arguments left out, and parts of the message
     "no goal": (None, (), "request.yaml", "'goal_constraints' is missing"),
     "empty goal": ({}, (), "request.yaml", "no goal"),
     "joint missing": ({"elbow": 0.4}, (), "goal (request.yaml)", "no value for shoulder"),

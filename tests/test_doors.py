@@ -1,4 +1,4 @@
-"""What comes in and goes out by files: hostile ones are refused at once in one line, results are there whole or not."""
+"""Files in and out: hostile ones are refused at once in one line, results are there whole or not."""
 
 from __future__ import annotations
 

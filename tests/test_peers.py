@@ -1,4 +1,4 @@
-"""Benchmarks: what the peers of hdplan are given is the same problem, an interrupted run continues, and waiting takes
+"""Benchmarks: the peers of hdplan get the same problem, settings that never succeed are given up, and waiting takes
 nothing from processor time."""
 
 from __future__ import annotations
@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +17,9 @@ import hdplan
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "benchmarks"))
 import narrow_steps
-import quality
 from peer_task import Task, evenly
 from peer_urdf import describe
 from processor_time import add_processor_time, set_clock
-from resumed import kept, read
 
 RNG = np.random.default_rng(16)
 
@@ -87,65 +85,28 @@ def test_a_path_cut_evenly_lies_on_the_path() -> None:
             assert detours.min() < 1e-12
 
 
-def outcome(problem: str, verdict: str = "certified", energy: float = 1.5) -> quality.Outcome:
-    return quality.Outcome(
-        "panda", "pose", 0, 3.0, "box", problem, verdict, 1.25, 3.5, 499.0, energy, *RNG.uniform(size=3).tolist()
-    )
-
-
-def test_finished_measurements_are_kept(tmp_path: Path) -> None:
-    file = tmp_path / "quality.csv"
-    done = [outcome("0001"), outcome("0002", 'in contact: "a", b', np.nan), outcome("0003")]
-    assert list(kept(file, quality.Outcome, [], iter(done))) == done
-    text = file.read_text(encoding="utf-8")
-    assert [str(each) for each in read(file, quality.Outcome)] == [str(each) for each in done]
-    for end in range(text.index("\n") + 1, len(text)):  # wherever it is cut, what is whole is read
-        file.write_text(text[:end], encoding="utf-8")
-        whole = text[:end].count("\n") - 1
-        assert [str(each) for each in read(file, quality.Outcome)] == [str(each) for each in done[:whole]]
-    more = outcome("0004")
-    list(kept(file, quality.Outcome, read(file, quality.Outcome), iter([more])))
-    assert [str(each) for each in read(file, quality.Outcome)] == [str(each) for each in [*done[:2], more]]
-
-
-def test_another_file_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "other.csv"
-    file.write_text("robot,goals\npanda,pose\n", encoding="utf-8")
-    with pytest.raises(SystemExit, match="not a file of this benchmark"):
-        read(file, quality.Outcome)
-
-
-def test_steps_that_were_cut_off_go_on_as_if_they_were_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A setting is given up, some ends are not free, and the first problem with free ends is planned twice."""
+def test_a_setting_that_never_succeeds_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some ends are not free, and each setting first plans a problem that is not counted."""
     draw, scene = np.random.default_rng(7), hdplan.load_scene("panda_cage")
-    steps, numbers, planned = list(narrow_steps.STEPS), [f"{i:03}" for i in range(7)], []
-    certified = {(step, number): bool(draw.random() < 0.4) for step in steps for number in numbers}
-    certified |= {(steps[1], number): number == "005" for number in numbers}  # too late
+    steps, blocked, ran = list(narrow_steps.STEPS), {0, 2}, []
+    scenes = [replace(scene, name=f"{i:03}") for i in range(7)]
+    certified = {(step, i): bool(draw.random() < 0.4) for step in steps for i in range(7)}
+    certified |= {(steps[1], i): i == 5 for i in range(7)}  # too late
 
-    def run(kind: str, step: str, number: str, _: hdplan.Scene, limit: float) -> narrow_steps.Outcome | None:
-        planned.append((step, number, limit))
-        if number in ("000", "002"):
-            return None
-        return narrow_steps.Outcome(kind, step, number, certified[step, number], 3, 1.5)
-
-    def problems(*_: object) -> Iterator[tuple[str, hdplan.Scene]]:
-        yield from ((number, scene) for number in numbers)
+    def run(kind: str, step: str, given: hdplan.Scene, limit: float) -> narrow_steps.Outcome | None:
+        number = int(given.name)
+        ran.append((step, number, limit))
+        return None if number in blocked else narrow_steps.Outcome(kind, step, certified[step, number], 3, 1.5)
 
     monkeypatch.setattr(narrow_steps, "run", run)
-    monkeypatch.setattr(narrow_steps, "problems", problems)
-    arguments = argparse.Namespace(folder=tmp_path, set=["cage"], every=1, first=0, give_up=3, time_limit=10.0)
-    whole = list(narrow_steps.planned(arguments, [], tmp_path))
-    warm_ups = [(step, number) for step, number, limit in planned if limit == narrow_steps.WARM_UP]
-    assert warm_ups == [(step, "001") for step in steps[1:]]
-    assert planned[:3] == [(steps[0], number, 10.0) for number in ("000", "001", "001")]
-    assert {each.number for each in whole} == set(numbers) - {"000", "002"}
-    assert [each.number for each in whole if each.step == steps[1]] == ["001", "003", "004"]
-    for cut in range(len(whole) + 1):
-        planned.clear()
-        rest = list(narrow_steps.planned(arguments, whole[:cut], tmp_path))
-        assert whole[:cut] + rest == whole
-        again = {(step, number) for step, number, _ in planned}
-        assert not again & {(each.step, each.number) for each in whole[:cut]}
+    monkeypatch.setattr(narrow_steps, "problems", lambda *_: iter(scenes))
+    options = argparse.Namespace(folder=tmp_path, set=["cage"], every=1, first=0, give_up=3, time_limit=10.0)
+    whole = list(narrow_steps.planned(options, tmp_path))
+    counted = [(step, number) for step, number, limit in ran if limit == 10.0 and number not in blocked]
+    assert [number for step, number in counted if step == steps[1]] == [1, 3, 4]
+    assert [(step, number) for step, number, limit in ran if limit == narrow_steps.WARM_UP] == [
+        (s, 1) for s in steps[1:]
+    ]
     assert f"| cage | {steps[1]} | 0 of 3 |" in narrow_steps.table(whole)
 
 

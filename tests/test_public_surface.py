@@ -321,26 +321,20 @@ def test_a_timed_motion_may_be_the_guess() -> None:
 
 
 def test_inverse_kinematics_refuses_bad_input() -> None:
-    robot = hdplan.load_robot("panda")
+    robot, pose, ik = hdplan.load_robot("panda"), hdplan.Pose(), hdplan.inverse_kinematics
     for call, words in (
-        (lambda: hdplan.inverse_kinematics("panda", hdplan.Pose()), "^robot: must be a Robot or a Scene"),
-        (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), "panda_hnd"), "^link: unknown link .*panda_hand"),
-        (
-            lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), "panda_link0"),
-            "^link: no planned joint moves 'panda_link0'",
-        ),
-        (lambda: hdplan.inverse_kinematics(robot, [0, 1]), "^pose: must be a Pose, or a position"),
-        (lambda: hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose()), "^(pose|link): must be"),
-        (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), seed=[0, 1]), "^seed: shape"),
-        (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), seed=[np.nan] * 7), "^seed: found nan for joint"),
-        (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), seed="default"), "^seed: expected 7 numbers"),
-        (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), all_branches=2), "^all_branches: must be"),
-        (
-            lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), free_rotation="w"),
-            "^free_rotation: unknown value 'w'",
-        ),
-        (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), 3), "^link: must be"),
-        (lambda: hdplan.inverse_kinematics(hdplan.load_robot("baxter"), hdplan.Pose()), "^link: .*no one end effector"),
+        (lambda: ik("panda", pose), "^robot: must be a Robot or a Scene"),
+        (lambda: ik(robot, pose, "panda_hnd"), "^link: unknown link .*panda_hand"),
+        (lambda: ik(robot, pose, "panda_link0"), "^link: no planned joint moves 'panda_link0'"),
+        (lambda: ik(robot, [0, 1]), "^pose: must be a Pose, or a position"),
+        (lambda: ik(robot, "panda_hand", pose), "^(pose|link): must be"),
+        (lambda: ik(robot, pose, seed=[0, 1]), "^seed: shape"),
+        (lambda: ik(robot, pose, seed=[np.nan] * 7), "^seed: found nan for joint"),
+        (lambda: ik(robot, pose, seed="default"), "^seed: expected 7 numbers"),
+        (lambda: ik(robot, pose, all_branches=2), "^all_branches: must be"),
+        (lambda: ik(robot, pose, free_rotation="w"), "^free_rotation: unknown value 'w'"),
+        (lambda: ik(robot, pose, 3), "^link: must be"),
+        (lambda: ik(hdplan.load_robot("baxter"), pose), "^link: .*no one end effector"),
     ):
         with pytest.raises(hdplan.InputError, match=words) as refused:
             call()

@@ -1,4 +1,4 @@
-"""What a module or a cache shares is the same for all who ask: nobody can write to it."""
+"""Arrays that a module or a cache shares are the same for all: nobody can write to them."""
 
 from __future__ import annotations
 

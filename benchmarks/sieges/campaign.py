@@ -106,9 +106,13 @@ def run(
     waiting = iter(range(first, first + count))
     shown = began
     with selectors.DefaultSelector() as selector:
-        pool = [_Worker(script, name, seed, output) for _ in range(jobs)]
-        for worker in pool:
+
+        def begun() -> _Worker:
+            worker = _Worker(script, name, seed, output)
             selector.register(worker.answers, selectors.EVENT_READ, worker)
+            return worker
+
+        pool = [begun() for _ in range(jobs)]
         while any(worker.busy for worker in pool):
             for key, _ in selector.select(timeout=0.2):
                 worker = key.data
@@ -121,8 +125,7 @@ def run(
                 if worker.leaving:  # it had grown too large
                     selector.unregister(worker.answers)
                     worker.tell(None)
-                    pool[place] = worker = _Worker(script, name, seed, output)
-                    selector.register(worker.answers, selectors.EVENT_READ, worker)
+                    pool[place] = begun()
                 elif worker.busy and (worker.dead or worker.over(limit)):
                     selector.unregister(worker.answers)
                     words = worker.end(over=not worker.dead)
@@ -132,8 +135,7 @@ def run(
                     tally.take(worker.index, {**answer, "seconds": now - worker.since})
                     _keep(output, worker.folder, worker.index, words, {})
                     shutil.rmtree(worker.folder, ignore_errors=True)
-                    pool[place] = worker = _Worker(script, name, seed, output)
-                    selector.register(worker.answers, selectors.EVENT_READ, worker)
+                    pool[place] = begun()
                 elif worker.ready and worker.index is None and worker.busy:
                     index = next(waiting, None) if now - began < seconds else None
                     if index is None:

@@ -1,43 +1,28 @@
-"""Placements by the judge's own formulas: URDF's angles, quaternions, turns about an axis. All (..., 4, 4)."""
+"""Placements by SciPy's formulas: URDF's angles, quaternions, turns about an axis. All (..., 4, 4)."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hdplan.scenes.array_types import Array
 
 
 def turn(axis: Array, angle: Array) -> Array:
-    """Return rotations (T, 3, 3) about an axis (3,) by angles (T,): I + sin θ K + (1 − cos θ) K²."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sine, rest = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
-    turned: Array = np.eye(3) + sine * cross + rest * (cross @ cross)
-    return turned
+    """Return rotations (T, 3, 3) about an axis (3,) by angles (T,) times its length."""
+    return np.asarray(Rotation.from_rotvec(np.multiply.outer(angle, axis)).as_matrix())
 
 
 def from_rpy(xyz: Any, rpy: Any) -> Array:
     """Return the placement of URDF's origin: turns about the fixed axes x, y, z, one after the other."""
-    roll, pitch, yaw = (
-        turn(axis, np.array([angle]))[0] for axis, angle in zip(np.eye(3), map(float, rpy), strict=True)
-    )
-    placement = np.eye(4)
-    placement[:3, :3], placement[:3, 3] = yaw @ pitch @ roll, [float(value) for value in xyz]
-    return placement
+    return _placed(xyz, Rotation.from_euler("xyz", np.array(rpy, dtype=float)))
 
 
 def from_quaternion(xyz: Any, xyzw: Any) -> Array:
     """Return the placement of a position and a quaternion x, y, z, w of any length."""
-    values = np.array([float(value) for value in xyzw])
-    half = values / np.linalg.norm(values)
-    sine = float(np.linalg.norm(half[:3]))
-    axis = half[:3] / sine if sine > 0.0 else np.array([0.0, 0.0, 1.0])
-    placement = np.eye(4)
-    placement[:3, :3] = turn(axis, np.array([2.0 * np.arctan2(sine, half[3])]))[0]
-    placement[:3, 3] = [float(value) for value in xyz]
-    return placement
+    return _placed(xyz, Rotation.from_quat(np.array(xyzw, dtype=float)))
 
 
 def of_scene(pose: dict[str, Any] | None) -> Array:
@@ -51,15 +36,15 @@ def of_scene(pose: dict[str, Any] | None) -> Array:
 
 def vector_of(rotation: Array) -> Array:
     """Return the rotation vector (3,) of a rotation (3, 3), at most π long."""
-    skew = 0.5 * np.array(
-        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
-    )
-    sine, cosine = float(np.linalg.norm(skew)), 0.5 * (float(np.trace(rotation)) - 1.0)
-    angle = float(np.arctan2(sine, cosine))
-    if sine > 1e-9:
-        return np.asarray(skew * (angle / sine))
-    if cosine > 0.0:
-        return skew
-    column = int(np.argmax(np.diag(rotation)))
-    axis = rotation[:, column] + np.eye(3)[column]
-    return np.asarray(np.pi * axis / np.linalg.norm(axis))
+    return np.asarray(Rotation.from_matrix(rotation).as_rotvec())
+
+
+def quaternion_of(rotation: Array) -> list[float]:
+    """Return the quaternion x, y, z, w of a rotation (3, 3)."""
+    return [float(value) for value in Rotation.from_matrix(rotation).as_quat()]
+
+
+def _placed(xyz: Any, rotation: Any) -> Array:
+    placement = np.eye(4)
+    placement[:3, :3], placement[:3, 3] = rotation.as_matrix(), np.array(xyz, dtype=float)
+    return placement

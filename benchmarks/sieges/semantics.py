@@ -178,8 +178,4 @@ def _message(rng: np.random.Generator, item: dict[str, Any]) -> dict[str, Any]:
 
 
 def _pose(matrix: Array) -> dict[str, Any]:
-    way = poses.vector_of(matrix[:3, :3])
-    angle = float(np.linalg.norm(way))
-    axis = way / angle if angle > 0.0 else way
-    turned = [*(np.sin(angle / 2) * axis).tolist(), float(np.cos(angle / 2))]
-    return {"position": matrix[:3, 3].tolist(), "orientation": turned}
+    return {"position": matrix[:3, 3].tolist(), "orientation": poses.quaternion_of(matrix[:3, :3])}

@@ -227,9 +227,7 @@ def _passage(body: Body, times: Array) -> Array:
         return found
     if "times" not in motion:
         spin = np.array(motion.get("spin", [0, 0, 0]), dtype=float)
-        rate = float(np.linalg.norm(spin))
-        if rate > 0.0:
-            found[:, :3, :3] = poses.turn(spin / rate, rate * times) @ body.place[:3, :3]
+        found[:, :3, :3] = poses.turn(spin, times) @ body.place[:3, :3]
         found[:, :3, 3] += times[:, None] * np.array(motion.get("velocity", [0, 0, 0]), dtype=float)
         return found
     marks, through = motion["times"], [poses.of_scene(pose) for pose in motion["poses"]]
@@ -237,10 +235,7 @@ def _passage(body: Body, times: Array) -> Array:
         i = int(np.clip(np.searchsorted(marks, time, side="right") - 1, 0, len(marks) - 2))
         part = float(np.clip((time - marks[i]) / (marks[i + 1] - marks[i]), 0.0, 1.0))
         way = poses.vector_of(through[i + 1][:3, :3] @ through[i][:3, :3].T)
-        angle = float(np.linalg.norm(way))
-        found[k, :3, :3] = through[i][:3, :3]
-        if angle > 0.0:
-            found[k, :3, :3] = poses.turn(way / angle, np.array([part * angle]))[0] @ through[i][:3, :3]
+        found[k, :3, :3] = poses.turn(way, np.array([part]))[0] @ through[i][:3, :3]
         found[k, :3, 3] = (1.0 - part) * through[i][:3, 3] + part * through[i + 1][:3, 3]
     return found
 

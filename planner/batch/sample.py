@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from hdplan.planner.batch.places import moved_places
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.geometry.shape_table import operations
+from hdplan.planner.job.places import link_pose, pose_of
 from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
@@ -141,15 +141,10 @@ def _kinds(robot: Robot) -> list[str]:
 def _pose(robot: Robot, q: Array) -> dict[str, Any]:
     """Return the pose of the end effector as fields of a goal."""
     link = end_effector(robot, "goal")
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    place = data.oMf[robot.model.getFrameId(link)]
-    position, turn = place.translation.tolist(), pin.Quaternion(place.rotation).coeffs().tolist()
-    return {
-        "goal.pose.link": link,
-        **{f"goal.pose.position.{i}": x for i, x in enumerate(position)},
-        **{f"goal.pose.quaternion_xyzw.{i}": x for i, x in enumerate(turn)},
-    }
+    pose = pose_of(link_pose(robot, q, link))
+    place = {f"goal.pose.position.{i}": x for i, x in enumerate(pose.position)}
+    turn = {f"goal.pose.quaternion_xyzw.{i}": x for i, x in enumerate(pose.quaternion_xyzw)}
+    return {"goal.pose.link": link, **place, **turn}
 
 
 def _moved(file: Path, rng: np.random.Generator, jitter: float, resize: float) -> Iterator[tuple[str, Any]]:

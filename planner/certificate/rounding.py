@@ -36,7 +36,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
 ROUNDING = 1e-9  # [m] subtracted from every bound
-MOST_TERM = 0.25 * ROUNDING / 2.0**-53  # [m] that each of the four terms, times u, may come to
+MOST_TERM = 0.25 * ROUNDING / 2.0**-53  # [m] greatest value of each of the four terms, times u
 PLACING, JOINTS, MOTION, TIME = 64.0, 64.0, 16.0, 16.0  # their factors
 
 

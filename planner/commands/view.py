@@ -111,12 +111,7 @@ def _tell(problem: Scene, viewer: Served, place: Place) -> None:
 
 
 def _serve_job(
-    problem: Scene,
-    load: Callable[[], Scene],
-    files: Seen,
-    meshes: Seen,
-    trajectories: Sequence[Path],
-    place: Place,
+    problem: Scene, load: Callable[[], Scene], files: Seen, meshes: Seen, trajectories: Sequence[Path], place: Place
 ) -> int:
     """Serve a job until Ctrl-C, and follow its files. Returns the exit code: 0."""
     from hdplan.planner.view.server import open_job_viewer  # needs viser

@@ -6,30 +6,21 @@ import contextlib
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from hdplan.planner.terminal.console import say, waiting
 from hdplan.planner.terminal.interrupts import until_ctrl_c
 
 if TYPE_CHECKING:
     from hdplan.planner.search.search import Event
+    from hdplan.planner.view.gate import Served
 
 Result = TypeVar("Result")
 Report = Callable[["Event"], None]
 Stop = Callable[[], bool]
 
 
-class Viewer(Protocol):
-    """A viewer of one motion or of a job."""
-
-    def address(self) -> str:
-        """Return its address for browsers."""
-
-    def close(self) -> None:
-        """End its server."""
-
-
-Served = TypeVar("Served", bound=Viewer)
+Viewer = TypeVar("Viewer", bound="Served")
 
 
 @contextlib.contextmanager
@@ -45,7 +36,7 @@ def serving(wanted: bool) -> Iterator[contextlib.ExitStack | None]:
             threading.Event().wait()
 
 
-def opened(name: str, make: Callable[[], Served], served: contextlib.ExitStack) -> Served:
+def opened(name: str, make: Callable[[], Viewer], served: contextlib.ExitStack) -> Viewer:
     """Return the viewer that is made, for as long as it is served, and say where a scene of this name is seen."""
     with waiting("loading the robot's meshes"):
         viewer = served.enter_context(contextlib.closing(make()))

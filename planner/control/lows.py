@@ -64,41 +64,36 @@ class Lows(NamedTuple):
 
 def lows_near(moment: Moment, needed: Sequence[float], shaping: Shaping | None, floors: Floors) -> Lows:
     """Return the lows of Δ among the pairs that may have a D̃ below `needed` [m] (`Moment.doubtful`)."""
-    if (barriers := _barriers(moment)) is None:
+    if not _looped(moment):
         return _lows_of(moment.rows, *moment.doubtful(needed), shaping, floors)
     found = _Found(moment, shaping, floors)
-    for (first, level), barrier in zip(moment.layout.levels, barriers, strict=True):
+    for first, level in moment.layout.levels:
         near = level.near(needed[0 if first < moment.layout.outer else 1]).tables.struct
-        found.look(C.lows_near, barrier, near, first, LEAST_SEPARATION)
+        found.look(C.lows_near, level.barrier, near, first, LEAST_SEPARATION)
     return found.lows
+
+
+def _looped(moment: Moment) -> bool:
+    """True if the loops know the distance of all pairs."""
+    return all(level.barrier is not None for _, level in moment.layout.levels)
 
 
 def lows_among(moment: Moment, samples: Rows, pairs: Rows, shaping: Shaping | None, floors: Floors) -> Lows:
     """Return the lows of Δ of pairs (k,) among samples."""
-    if (barriers := _barriers(moment)) is None:
+    if not _looped(moment):
         return _lows_of(moment.rows, *_crossed(samples, pairs), shaping, floors)
     found = _Found(moment, shaping, floors)
-    for (first, level), barrier in zip(moment.layout.levels, barriers, strict=True):
-        own = pairs[(pairs >= first) & (pairs < first + len(level.pairs))]
-        if len(own):
-            found.look(C.lows_among, barrier, samples, own, own - first)
+    for level, own, inner in moment.layout.parted(pairs):
+        found.look(C.lows_among, level.barrier, samples, pairs[own], inner)
     return found.lows
-
-
-def _barriers(moment: Moment) -> list[Record] | None:
-    """Return the structs of all levels; None where one has a distance without a loop of C."""
-    found = [level.barrier for _, level in moment.layout.levels if level.barrier]
-    return found if len(found) == len(moment.layout.levels) else None
 
 
 def _hulls_in_c(moment: Moment, samples: Rows, pairs: Rows, floors: Floors) -> Lows:
     if not moment.layout.exact:
         pairs = NO_ROWS
     found = _Found(moment, None, floors)
-    for first, level in moment.layout.levels:
-        own = pairs[(pairs >= first) & (pairs < first + len(level.pairs))]
-        if len(own):
-            found.look(C.lows_among, level.hulls.barrier, samples, own, level.hulls.row[own - first])
+    for level, own, inner in moment.layout.parted(pairs):
+        found.look(C.lows_among, level.hulls.barrier, samples, pairs[own], level.hulls.row[inner])
     return found.lows
 
 

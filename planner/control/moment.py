@@ -7,7 +7,7 @@ pose only, so the second body's wrench is the opposite one, and a moving obstacl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -51,6 +51,13 @@ class Layout(NamedTuple):
     bounded: bool  # whether of all other pairs, too, what is not near is proven to be far
     exact: bool  # whether the links' hulls are known
 
+    def parted(self, pair: Rows) -> Iterator[tuple[PairLevel, Rows, Rows]]:
+        """Yield the levels of pairs (S,), each with the rows of its own and their numbers in the level."""
+        for first, level in self.levels:
+            own = np.flatnonzero((pair >= first) & (pair < first + len(level.pairs)))
+            if len(own):
+                yield level, own, pair[own] - first
+
 
 class Moment(NamedTuple):
     """Robot and obstacles at k configurations and times."""
@@ -85,23 +92,21 @@ class Moment(NamedTuple):
 
     def rows(self, sample: Rows, pair: Rows) -> BarrierRows:
         """Return Δ of pairs (S,) at configurations (S,)."""
-        return self._evaluated([level.outer.distance for _, level in self.layout.levels], sample, pair)
+        return self._evaluated(lambda level: level.outer.distance, sample, pair)
 
     def nearness(self, sample: Rows, pair: Rows) -> BarrierRows:
         """Return the exact distance of the links' hulls in pairs (S,), without growth, as `rows`. Nothing if the hulls
         are not known."""
         if not self.layout.exact:
             sample = pair = NO_ROWS
-        return self._evaluated([level.nearness for _, level in self.layout.levels], sample, pair)
+        return self._evaluated(lambda level: level.nearness, sample, pair)
 
-    def _evaluated(self, distances: Sequence[Distance], sample: Rows, pair: Rows) -> BarrierRows:
-        """Evaluate pairs by the distance of each level."""
+    def _evaluated(self, distance: Callable[[PairLevel], Distance], sample: Rows, pair: Rows) -> BarrierRows:
+        """Evaluate pairs by a distance of their level."""
         count = len(pair)
         value, wrench, separation = np.empty(count), np.empty((count, 6)), np.empty(count)
-        for (first, level), distance in zip(self.layout.levels, distances, strict=True):
-            own = np.flatnonzero((pair >= first) & (pair < first + len(level.pairs)))
-            if len(own):
-                value[own], wrench[own], separation[own] = distance(self.kinematics, sample[own], pair[own] - first)
+        for level, own, inner in self.layout.parted(pair):
+            value[own], wrench[own], separation[own] = distance(level)(self.kinematics, sample[own], inner)
         return BarrierRows(value, self.by_joints(sample, pair, wrench), self._drift(sample, pair, wrench), separation)
 
     def by_joints(self, sample: Rows, pair: Rows, wrench: Array) -> Array:

@@ -222,24 +222,16 @@ def replay(setup: Setup, trajectory: Trajectory, plant: Plant | None = None) -> 
     every = max(int(CLEARANCE_STEP / (times[1] - times[0])), 1) if timed else PATH_SAMPLES // 100
     samples = np.unique(np.r_[np.arange(0, len(times), every), len(times) - 1])
     closest, between_links = _closest(certifier, positions[samples], times[samples])
-    joints = tuple(
-        JointUse(
-            name,
-            travel[i],
-            peaks[i],
-            None if execution is None else float(np.abs(execution.errors[:, i]).max()),
-            None if execution is None else float(np.sqrt(np.mean(execution.errors[:, i] ** 2))),
-        )
-        for i, name in enumerate(robot.joint_names)
-    )
-    failures = (
-        *(() if execution is None else _overloaded(execution, torques, robot)),
-        *(() if execution is None else _off(execution, setup)),
-        *_beyond(joints),
-        *_touching(closest, between_links),
-    )
+    joints = tuple(map(JointUse, robot.joint_names, travel, peaks))
+    failures: list[str] = []
+    if execution is not None:
+        largest, rms = np.abs(execution.errors).max(axis=0), np.sqrt(np.mean(execution.errors**2, axis=0))
+        errors = largest.tolist(), rms.tolist()
+        joints = tuple(map(JointUse, robot.joint_names, travel, peaks, *errors))
+        failures += [*_overloaded(execution, torques, robot), *_off(execution, setup)]
+    failures += [*_beyond(joints), *_touching(closest, between_links)]
     duration = last - first if timed else None
-    figures = joints, closest, between_links, len(samples), execution, failures, others, by_file
+    figures = joints, closest, between_links, len(samples), execution, tuple(failures), others, by_file
     return Simulation(duration, curve, *figures, tuple(unknown_in(setup.scene)))
 
 

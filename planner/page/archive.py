@@ -121,7 +121,5 @@ def _beside(scene: Scene, folder: Path) -> Scene:
         return replace(each, shape=replace(each.shape, **files)) if files else each
 
     return replace(
-        scene,
-        obstacles=tuple(map(with_copies, scene.obstacles)),
-        attached=tuple(map(with_copies, scene.attached)),
+        scene, obstacles=tuple(map(with_copies, scene.obstacles)), attached=tuple(map(with_copies, scene.attached))
     )

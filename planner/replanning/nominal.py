@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
@@ -21,9 +21,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import ReadOnly
 
 STILL_STEP = 1e-9  # [rad] or [m] between two rows, and their rates per second: the robot stands
-Rows = tuple[
-    NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
-]  # positions, velocities, accelerations (k, n)
+Rows = tuple[Array, Array, Array]  # positions, velocities, accelerations (k, n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,19 +86,13 @@ class Nominal:
         first = max(int(np.searchsorted(self._times, begin, side="right")) - 1, 0)
         if row <= first:
             first = row
-        assert one.velocities is not None
-        assert one.accelerations is not None
-        assert other.velocities is not None
-        assert other.accelerations is not None
         head, times = slice(first, row), self._times[row] - tail.begins + tail._times
-        motion = Trajectory(
-            one.joint_names,
-            np.concatenate([one.positions[head], other.positions]),
-            one.locked,
-            np.concatenate([self._times[head], times]),
-            np.concatenate([one.velocities[head], other.velocities]),
-            np.concatenate([one.accelerations[head], other.accelerations]),
-        )
+        rows: dict[str, Any] = {
+            name: np.concatenate([getattr(one, name)[head], getattr(other, name)])
+            for name in ("positions", "velocities", "accelerations")
+        }
+        rows["times"] = np.concatenate([self._times[head], times])
+        motion = Trajectory(one.joint_names, locked=one.locked, **rows)
         return Nominal(motion, min(self.required, tail.required), tail.margin)
 
 

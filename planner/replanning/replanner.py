@@ -377,25 +377,15 @@ class Replanner:
         return _moment(self._clock(), "clock()") if self._clock is not None else t + time.perf_counter() - began
 
     def _command(self, t: float, why: str, seconds: float) -> Command:
-        position, velocity, acceleration = self._held.at(t)
         stands = t >= self._grid.time(self._held.last)
         mode = Mode.MOVING
         if stands:
             mode = Mode.ARRIVED if self._ways.arrives(self._course) else Mode.STANDING
         if mode is Mode.MOVING and why:
             mode = Mode.BRAKING
-        return Command(
-            t,
-            position,
-            velocity,
-            acceleration,
-            self._held.ahead(self.robot, t),
-            mode,
-            why,
-            None if stands else self._clearance,
-            self._proven_at,
-            seconds,
-        )
+        position, velocity, acceleration = self._held.at(t)
+        ahead, clearance = self._held.ahead(self.robot, t), None if stands else self._clearance
+        return Command(t, position, velocity, acceleration, ahead, mode, why, clearance, self._proven_at, seconds)
 
 
 def _check_goal(setup: Setup) -> None:

@@ -282,11 +282,8 @@ def _refusal(
     """Return the reason why no motion may end in a target: the cause, and a sentence."""
     if not isinstance(target, JointTarget) and nearest is not None and not len(reached):
         names = " and ".join(f"'{pose.link}'" for pose in target.poses)
-        cannot = (
-            f"link {names} cannot be brought there"
-            if len(target.poses) == 1
-            else f"links {names} cannot be brought there together"
-        )
+        several = len(target.poses) > 1
+        cannot = f"link{'s' * several} {names} cannot be brought there{' together' * several}"
         off, allowed = _listed(nearest), _listed(_tolerances(target))
         return "goal_not_reached", f"{cannot}: the best of {STARTS} tries is off by {off}, allowed are {allowed}"
     cause, fault = _fault(certifier, reached[0])

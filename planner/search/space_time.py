@@ -33,11 +33,8 @@ TIME_STEPS = 30  # even, as the time law is steepest in the middle
 EDGE_STEPS = read_only(np.array([1, 2, 3, 4, 6, 8, 12, 16]))  # steps that an edge may take
 PIECES, LEAPS = 12, 4  # of the straight line; so many of them at once are edges, too
 PENALTY_WEIGHT = DETOUR_WEIGHT * DOUBLING_DEPTH**2 / 2  # of being DOUBLING_DEPTH inside a margin all along
-LOOK_SPACING, FEWEST_LOOKS, MOST_LOOKS = (
-    0.1,
-    3,
-    48,
-)  # [rad or m] between configurations at which an edge is scored; how many
+# [rad or m] between configurations at which an edge is scored; how many
+LOOK_SPACING, FEWEST_LOOKS, MOST_LOOKS = 0.1, 3, 48
 WORN_STEPS = 3  # steps before and after a move that has been tried in which its edge costs more
 TINY_SQUARE = 1e-12  # [rad² or m²]
 

@@ -66,15 +66,11 @@ def reproduce_conservativeness(folder: Path, quick: bool, report: Reporter, stop
     rates = [
         (100.0 * found.rates(rung, TOLERANCES), 100.0 * found.rates_of_all(rung, TOLERANCES)) for rung in found.rungs
     ]
+    columns = ("normals", "tolerance_m", "percent_of_those_apart", "percent_of_all")
     lines: list[dict[str, Cell]] = [
-        {
-            "normals": rung.normals,
-            "tolerance_m": float(TOLERANCES[k]),
-            "percent_of_those_apart": float(among[k]),
-            "percent_of_all": float(of_all[k]),
-        }
-        for rung, (among, of_all) in zip(found.rungs, rates, strict=True)
-        for k in range(len(TOLERANCES))
+        dict(zip(columns, (rung.normals, *map(float, numbers)), strict=True))
+        for rung, rate in zip(found.rungs, rates, strict=True)
+        for numbers in zip(TOLERANCES, *rate, strict=True)
     ]
     write_report(paths, [csv_text(lines), png(conservativeness_sheet(found, TOLERANCES))])
     rungs: list[dict[str, Cell]] = [
@@ -90,15 +86,8 @@ def reproduce_conservativeness(folder: Path, quick: bool, report: Reporter, stop
     for gap, published, limit in PUBLISHED:
         among, of_all = (100.0 * float(rate(own, SHOWN[gap])) for rate in (found.rates, found.rates_of_all))
         verdict = ("met" if among < limit else "missed") if found.complete and not quick else "too few to say"
-        paper.append(
-            {
-                "gap": gap,
-                "the paper [%]": published,
-                "of those apart": short(among),
-                "of all": short(of_all),
-                "": verdict,
-            }
-        )
+        own_rates = {"of those apart": short(among), "of all": short(of_all)}
+        paper.append({"gap": gap, "the paper [%]": published, **own_rates, "": verdict})
     exact = "not held against FCL's, which is not installed: pip install python-fcl"
     if found.fcl_compared:
         exact = f"as FCL's to {found.fcl_difference:.1g} m, on {found.fcl_compared} configurations"
@@ -160,19 +149,12 @@ def reproduce_time(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
     from hdplan.planner.studies.query_time_sheet import time_sheet
 
     names = available_methods()
-    lines: list[dict[str, Cell]] = [
-        {
-            "pair": _names(pair),
-            "complexity": pair.complexity,
-            **{HEADS.get(name, name): 1e6 * pair.seconds[name] for name in names},
-        }
-        for pair in found.pairs
-    ]
-    units = {"pair": "pair", "complexity": "complexity", **{HEADS.get(name, name): f"{name} [us]" for name in names}}
-    plain = [{units[key]: cell for key, cell in line.items()} for line in lines]
-    write_report(paths, [csv_text(plain), png(time_sheet(found))])
-    shown = [{key: short(cell) for key, cell in line.items()} for line in lines]
-
+    lines, shown = list[dict[str, Cell]](), list[dict[str, Cell]]()
+    for each in found.pairs:
+        about: dict[str, Cell] = {"pair": _names(each), "complexity": each.complexity}
+        lines.append(about | {f"{name} [us]": 1e6 * each.seconds[name] for name in names})
+        shown.append(about | {HEADS.get(name, name): short(1e6 * each.seconds[name]) for name in names})
+    write_report(paths, [csv_text(lines), png(time_sheet(found))])
     slowest = max(found.pairs, key=lambda pair: pair.seconds["compiled"])
     worst = f"{1e6 * slowest.seconds['compiled']:.3g} µs"
     compare: list[dict[str, Cell]] = [

@@ -33,13 +33,7 @@ if TYPE_CHECKING:
     from hdplan.planner.studies.planning_runs import Run, Runs, Variant
 
 LEAST_REFERENCE = 1.0  # [rad, rad²] the least path or acceleration in a ratio: that of a straight line would be 0
-FILES = (
-    "planning_study.csv",
-    "planning_study.md",
-    "planning_study.png",
-    "planning_quality.csv",
-    "planning_quality.png",
-)
+FILES = tuple(f"planning_{name}" for name in ("study.csv", "study.md", "study.png", "quality.csv", "quality.png"))
 LEGEND = """\
 Each line changes one setting; all others stand at their defaults. Certified: proven within {limit:g} s; first guess:
 from the straight line. Lost: the exact distance of the real meshes less the planner's lower bound D̃ of it, at {near}
@@ -223,11 +217,9 @@ def _advice(rows: Sequence[Summary]) -> list[tuple[str, str]]:
 
 
 def _words(row: Summary) -> str:
-    smooth = (
-        ""
-        if row.acceleration is None or not row.variant.factor
-        else f", {100 * row.acceleration:.0f} % of the acceleration"
-    )
+    smooth = ""
+    if row.acceleration is not None and row.variant.factor:
+        smooth = f", {100 * row.acceleration:.0f} % of the acceleration"
     return (
         f"{row.certified} of {row.scenes} certified, {short(1e3 * row.lost[0])} mm lost "
         f"(95 %: {short(1e3 * row.lost[1])}), {short(1e3 * row.seconds)} ms{smooth}"

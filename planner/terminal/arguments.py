@@ -131,8 +131,7 @@ Solver = Annotated[
 Distance = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME",
-        help="Distance used by the penalty: hdsdf, or fcl (exact, Euclidean); by default the scene's.",
+        metavar="NAME", help="Distance used by the penalty: hdsdf, or fcl (exact, Euclidean); by default the scene's."
     ),
 ]
 Seed = Annotated[int, typer.Option(metavar="N", help="Seed of the random guesses.", parser=_whole_number)]
@@ -146,8 +145,7 @@ TimeLimit = Annotated[
     ),
 ]
 Sheet = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="Draw scene, joints, clearance and convergence: .png, .pdf or .svg."),
+    Path | None, typer.Option(metavar="FILE", help="Draw scene, joints, clearance and convergence: .png, .pdf or .svg.")
 ]
 ProofToWrite = Annotated[
     Path | None,
@@ -208,8 +206,7 @@ Plant = Annotated[
     ),
 ]
 RatesSheet = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="Draw rates, torques and tracking over time, as .png, .pdf or .svg."),
+    Path | None, typer.Option(metavar="FILE", help="Draw rates, torques and tracking over time, as .png, .pdf or .svg.")
 ]
 Picture = Annotated[
     Path, typer.Option("--output", "-o", metavar="FILE", help="File of the picture: .png, .pdf or .svg.")
@@ -217,8 +214,7 @@ Picture = Annotated[
 
 # view
 Motions = Annotated[
-    list[Path] | None,
-    typer.Argument(metavar="TRAJECTORY", help="Motions to show; give several to compare them."),
+    list[Path] | None, typer.Argument(metavar="TRAJECTORY", help="Motions to show; give several to compare them.")
 ]
 Page = Annotated[
     Path | None,
@@ -227,9 +223,7 @@ Page = Annotated[
 Film = Annotated[
     Path | None,
     typer.Option(
-        "--video",
-        metavar="FILE.mp4|.gif",
-        help="Write the motion as a film, drawn in an installed browser, and exit.",
+        "--video", metavar="FILE.mp4|.gif", help="Write the motion as a film, drawn in an installed browser, and exit."
     ),
 ]
 ProofToShow = Annotated[
@@ -250,8 +244,7 @@ Port = Annotated[
     typer.Option(metavar="N", help="Port of the server, or the next free one; by default 8080.", parser=_port),
 ]
 Share = Annotated[
-    bool,
-    typer.Option("--share", help="Write a second address, by which others see everything and change nothing."),
+    bool, typer.Option("--share", help="Write a second address, by which others see everything and change nothing.")
 ]
 
 # robots
@@ -311,10 +304,7 @@ MotionsAs = Annotated[
     str,
     typer.Option(metavar="HOW", help="parquet: one table; files: each problem's scene and motion as files as well."),
 ]
-Proofs = Annotated[
-    bool,
-    typer.Option("--proof", help="Write files, and the proof of every certified motion."),
-]
+Proofs = Annotated[bool, typer.Option("--proof", help="Write files, and the proof of every certified motion.")]
 Export = Annotated[
     str | None,
     typer.Option(metavar="FORMAT", help="lerobot: the certified motions as a data set for imitation learning, too."),
@@ -343,13 +333,9 @@ Resize = Annotated[
 ]
 
 # study, reproduce
-NewFolder = Annotated[
-    Path,
-    typer.Option("--output", "-o", metavar="DIR", help="Folder of the files, a new one."),
-]
+NewFolder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the files, a new one.")]
 Folder = Annotated[
-    Path,
-    typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the files, created if it does not exist."),
+    Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the files, created if it does not exist.")
 ]
 Quick = Annotated[bool, typer.Option("--quick", help="Measure less, in about a minute.")]
 Problems = Annotated[

@@ -38,10 +38,7 @@ def result_rows(result: PlanResult, files: list[str]) -> list[tuple[str, str]]:
     attempts = f"{result.attempts} attempt" + "s" * (result.attempts != 1)
     return [
         ("scene", f"{result.scene} with {result.robot}"),
-        (
-            "motion",
-            f"{result.trajectory.extent}, {result.iterations} iterations, {attempts}, seed {result.seed}",
-        ),
+        ("motion", f"{result.trajectory.extent}, {result.iterations} iterations, {attempts}, seed {result.seed}"),
         ("objective", "{}, {:.4g} {}".format(*result.objective)),
         *closest_rows(result.certificate),
         *limit_rows(result.certificate),

@@ -229,7 +229,7 @@ class Retimer:
             return Quickest(MinimumJerk(1.0 / self.rate), 1.0 / self.rate, 2)
         law, most = self._time_optimal(spline), than * self.timing.scale
         if law.duration + FEWEST_ROWS / self.rate >= most:
-            return Quickest(law, math.inf, 0)
+            return Quickest(MinimumJerk(math.inf), math.inf, 0)
         found = self._windowed(spline, law)
         if not math.isfinite(found.duration):
             raise HdplanError("no time law was found within the limits on the executed curve")

@@ -14,14 +14,14 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.history import History
-from hdplan.planner.view.motions import Kept, Motions, Shown
+from hdplan.planner.view.motions import Motions, Shown
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from hdplan.planner.result import PlanResult
 
-State = tuple[Edited, tuple[Kept, ...], int | None]
+State = tuple[Edited, tuple[Shown, ...], int | None]
 """The state that an undo brings back: the scene, the motions, and the number of the active one."""
 LOCKED = "obstacle {name}: is locked; unlock it in the list first"
 

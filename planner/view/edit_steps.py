@@ -64,18 +64,13 @@ class Editing:
         self.buttons = gui.add_button_group(
             "history", ("undo", "redo", "reset"), hint="changes of scene and motions; reset: the original scene"
         )
-        self._text = gui.add_html("")
+        self.text = gui.add_html("")
         self.buttons.on_click(lambda event: self.ask(str(event.target.value)))
         self._numbers = itertools.count()
         self._typed: set[str] = set()  # the fields whose new values wait
         self._doing = ""  # the field that is edited at this moment
         self._last = Step()
         self._timers: dict[str, threading.Timer] = {}  # by what is to be done
-
-    @property
-    def text(self) -> str:
-        """The refused values, as HTML."""
-        return str(self._text.content)
 
     def ask(self, way: str) -> None:
         """Ask for "undo", "redo" or "reset"; each press counts. By any thread."""
@@ -170,7 +165,7 @@ class Editing:
 
     def say(self, text: str) -> None:
         """Say something that was done, or nothing."""
-        self._text.content = small(html.escape(text))
+        self.text.content = small(html.escape(text))
 
     def _back(self, way: str) -> None:
         viewer, history = self._viewer, self._viewer.document.history
@@ -193,7 +188,7 @@ class Editing:
             job()
         except HdplanError as error:
             words = str(error).removeprefix(source).replace(folder, "")
-            self._text.content = small(f'<span class="hd-bad">not done: {html.escape(words)}</span>')
+            self.text.content = small(f'<span class="hd-bad">not done: {html.escape(words)}</span>')
             return False
         return True
 

@@ -16,6 +16,7 @@ import pinocchio as pin
 from hdplan.planner.robot.link_frame import end_effector, link_frame
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.search.inverse_kinematics import reaching
+from hdplan.planner.view.drawing.motion import as_pose
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
@@ -100,9 +101,5 @@ def _at(robot: Robot, target: PoseTarget, q: Array) -> PoseTarget:
     """Return a pose of a link where a configuration (n,) has it."""
     frame, data = link_frame(robot, target.link, target.field), robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    place = data.oMf[frame]
-    turn = Pose.quaternion_xyzw
-    if target.free_rotation != "all":
-        x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
-        turn = (x, y, z, w)
-    return replace(target, pose=Pose(tuple(place.translation.tolist()), turn))
+    pose = as_pose(data.oMf[frame])
+    return replace(target, pose=Pose(pose.position) if target.free_rotation == "all" else pose)

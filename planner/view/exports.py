@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.saving import Saving
+from hdplan.planner.view.words import error_words
 from hdplan.scenes.errors import HdplanError
 
 if TYPE_CHECKING:
@@ -177,13 +178,10 @@ class Exports:
     def _run(self, make: Making, client: Any, about: tuple[object, object]) -> None:
         try:
             file = make()
-        except HdplanError as error:
-            text = f"not saved: {error}"
-        except Exception as error:  # of a library, or a browser that is gone: the viewer continues
-            text = f"not saved: {type(error).__name__}: {error}"
-        else:
             client.send_file_download(file.name, file.data, save_immediately=True)
             text = f"saved: {file.text}"
+        except Exception as error:  # also of a library, or a browser that is gone: the viewer continues
+            text = f"not saved: {error_words(error)}"
         self._viewer.worker.ask("exported", lambda: self._tell(text, about))
 
     def _tell(self, text: str, about: tuple[object, object]) -> None:

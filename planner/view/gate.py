@@ -28,6 +28,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 from websockets.protocol import State
 
+from hdplan.planner.view.quiet import quiet
 from hdplan.scenes.files import MOST_BYTES
 
 WATCH = "watch"  # begins the path of an address that shows everything and changes nothing
@@ -143,6 +144,12 @@ class Served:
     def port(self) -> int:
         """The port on which it is served."""
         return int(self.server.get_port())
+
+    def close(self) -> None:
+        """End the server."""
+        self.gate.close()
+        with quiet():
+            self.server.stop()
 
     def address(self, watch: bool = False) -> str:
         """Return the viewer's address: the one with write access, or the shared one for watching. Raises KeyError if it

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import viser
 
@@ -10,27 +10,17 @@ from hdplan.planner.view.drawing.handle import add_handle, is_moved, pose_of
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.poses import Pose
 
-
-class Dragged(Protocol):
-    """The owner of a handle, which moves with it; called by the worker's thread."""
-
-    @property
-    def dragging(self) -> bool:
-        """True between the first movement and the release."""
-
-    def drag(self, pose: Pose) -> None:
-        """Follow the handle to a pose."""
-
-    def let_go(self) -> None:
-        """Stay where the handle was released."""
+if TYPE_CHECKING:
+    from hdplan.planner.view.handles import Handles
+    from hdplan.planner.view.job_handles import JobHandles
 
 
 class Grip:
     """One handle at a time, in one browser's hand."""
 
-    def __init__(self, server: viser.ViserServer, worker: Worker, dragged: Dragged) -> None:
-        """Draw nothing yet; `dragged` follows the handle."""
-        self._server, self._worker, self._dragged = server, worker, dragged
+    def __init__(self, server: viser.ViserServer, worker: Worker, owner: Handles | JobHandles) -> None:
+        """Draw nothing yet; `owner` follows the handle, by the worker's thread."""
+        self._server, self._worker, self._owner = server, worker, owner
         self.node: Any = None  # viser's, if something is selected
         self.pose: Pose | None = None  # where it was put
         self._count = 0  # nodes so far
@@ -51,7 +41,7 @@ class Grip:
 
     def release(self) -> None:
         """Let go of what is dragged, if anything is. By any thread."""
-        self._worker.ask("let go", self._dragged.let_go)
+        self._worker.ask("let go", self._owner.let_go)
 
     def moved(self, event: Any) -> None:
         """Handle a browser's event."""
@@ -65,5 +55,5 @@ class Grip:
         if node is not self.node or self.pose is None:
             return
         pose = pose_of(node)
-        if self._dragged.dragging or is_moved(pose, self.pose):
-            self._dragged.drag(pose)
+        if self._owner.dragging or is_moved(pose, self.pose):
+            self._owner.drag(pose)

@@ -11,7 +11,7 @@ from hdplan.planner.job.result import JobResult
 from hdplan.planner.search.search import Event
 from hdplan.planner.view.edited_job import EditedJob
 from hdplan.planner.view.newest import Newest
-from hdplan.scenes.errors import HdplanError
+from hdplan.planner.view.words import failure_words
 
 Run = Callable[[Callable[[Event], None], Callable[[], bool]], JobResult]
 """A maker of plans, given what takes its events, and what tells whether to stop."""
@@ -57,7 +57,7 @@ class JobPlanning:
             result = run(self._report(), self._stopped.is_set)
         except BaseException as error:  # among them Ctrl-C
             self._elsewhere = False
-            self._done(edited, None, _words(edited, error))
+            self._done(edited, None, failure_words(edited.scene, error))
             raise
         found = edited.done(result.trajectory, result.certificate, result.failure)
         self._elsewhere = False
@@ -81,7 +81,7 @@ class JobPlanning:
             result = plan_job(edited.scene, report=self._report(), stop=stop)
             return edited.done(result.trajectory, result.certificate, result.failure), ""
         except Exception as error:  # of a library, too: the viewer continues
-            return None, _words(edited, error)
+            return None, failure_words(edited.scene, error)
 
     def _report(self) -> Callable[[Event], None]:
         """Return the receiver of the events of a plan that begins now, which shows its progress."""
@@ -96,9 +96,3 @@ class JobPlanning:
                 self._say(f"planning the job, {now - began:.0f} s, {iterations} iterations …")
 
         return report
-
-
-def _words(edited: EditedJob, error: BaseException) -> str:
-    """Say why there is no plan."""
-    known = isinstance(error, HdplanError)
-    return str(error).removeprefix(f"{edited.scene.source}: ") if known else f"{type(error).__name__}: {error}"

@@ -29,14 +29,9 @@ class JobSaving:
         """Build them in the container at hand; `edited` is the job as it is now."""
         self._worker, self._edited = worker, edited
         buttons = server.gui.add_button_group("save", ("scene", "motion", "page"), hint="files of the job as shown")
-        self._text = server.gui.add_html("")
+        self.text = server.gui.add_html("")
         self._about: EditedJob | None = None  # the one that the text describes
         buttons.on_click(lambda event: self._download(str(event.target.value), event.client))
-
-    @property
-    def text(self) -> str:
-        """The text below the buttons, as HTML."""
-        return str(self._text.content)
 
     # --- by the worker's thread: name, content and message ---------------------------------------------------------
 
@@ -58,8 +53,8 @@ class JobSaving:
 
     def outdate(self) -> None:
         """Withdraw the words about another job."""
-        if self._text.content and self._about is not self._edited():
-            self._text.content = ""
+        if self.text.content and self._about is not self._edited():
+            self.text.content = ""
 
     def _download(self, what: str, client: Any) -> None:
         """Handle a browser's request."""
@@ -71,7 +66,7 @@ class JobSaving:
         try:
             name, data, words = self.file(what)
         except HdplanError as error:
-            self._text.content = small(html.escape(f"not saved: {error}"))
+            self.text.content = small(html.escape(f"not saved: {error}"))
             return
         client.send_file_download(name, data, save_immediately=True)
-        self._text.content = small(html.escape(f"saved: {words}"))
+        self.text.content = small(html.escape(f"saved: {words}"))

@@ -58,7 +58,7 @@ class JobStage:
     def show_path(self, on: bool) -> None:
         """Show the path of the motion, if there is one, or hide it."""
         if self._path is not None:
-            self._path.visible = on and self._moves
+            self._path.node.visible = on and self._moves
 
     def select(self, obstacle: str | None) -> None:
         """Show what is selected."""

@@ -36,8 +36,7 @@ from hdplan.planner.view.keys import Keys, common_keys
 from hdplan.planner.view.looking import Looking
 from hdplan.planner.view.page_script import Message, Page
 from hdplan.planner.view.player import Player
-from hdplan.planner.view.quiet import quiet
-from hdplan.planner.view.words import clearance_words, small
+from hdplan.planner.view.words import clearance_words, next_words, small
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError
@@ -160,9 +159,7 @@ class JobViewer(Served):
         self.planning.end()
         self.player.end()
         self.worker.end()
-        self.gate.close()
-        with quiet():
-            self.server.stop()
+        super().close()
 
     # --- the subject of the cameras -------------------------------------------------------------------------------
 
@@ -313,8 +310,7 @@ class JobViewer(Served):
         self._rows.content, self._legend.content = stage_rows(self.edited, self._stage_now), job_legend(self.edited)
 
     def _say_next(self, words: str, bad: bool = False) -> None:
-        text, tint = html.escape(words), " hd-bad" if bad else ""
-        self._next.content = f'<div class="hd hd-two{tint}" title="{text}">{text}</div>'
+        self._next.content = next_words(words, bad)
 
     def _begin(self) -> None:
         self._draw()

@@ -20,7 +20,7 @@ from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.newest import Newest
 from hdplan.planner.view.planning import NAME
-from hdplan.scenes.errors import HdplanError
+from hdplan.planner.view.words import failure_words
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class Live:
         self._viewer, self._handles = viewer, handles
         gui = viewer.server.gui
         self.switch = gui.add_checkbox("live", True, hint="during a drag, keep planning from the last motion")
-        self._text = gui.add_html("")
+        self.text = gui.add_html("")
         self._say(IDLE)
         self._switched = False  # whether the user set the switch
         self.switch.on_update(lambda event: self.set(bool(self.switch.value)) if event.client else None)
@@ -55,11 +55,6 @@ class Live:
     def on(self) -> bool:
         """True if motions follow."""
         return bool(self.switch.value)
-
-    @property
-    def text(self) -> str:
-        """The text beside the switch, as HTML."""
-        return str(self._text.content)
 
     def set(self, on: bool) -> None:
         """Switch live planning by the user's choice, however long a plan takes."""
@@ -121,7 +116,7 @@ class Live:
 
     def _say(self, text: str) -> None:
         words = f'<div class="hd hd-under">{html.escape(text)}</div>'
-        self._text.content = words
+        self.text.content = words
 
     # --- the thread -----------------------------------------------------------------------------------------------
 
@@ -134,13 +129,9 @@ class Live:
 
         try:
             result = plan(_quick(edited.aimed), robot=edited.robot, guess=guess, time_limit=LIVE_LIMIT, stop=given_up)
-        except HdplanError as error:  # an end in collision, or no time law
-            text = str(error).removeprefix(f"{edited.scene.source}: ")
+        except Exception as error:  # an end in collision, no time law, or of a library: the viewer continues
+            text = failure_words(edited.scene, error)
             ask("live", lambda: self._say(text))
-            return
-        except Exception as error:  # of a library: the viewer continues
-            failure = f"{type(error).__name__}: {error}"
-            ask("live", lambda: self._say(failure))
             return
         if result.certified:
             self._slow = 0

@@ -35,7 +35,7 @@ class Measuring:
         self._viewer = viewer
         gui, scene = viewer.server.gui, viewer.server.scene
         self.switch = gui.add_checkbox("measure", False, hint="the distance between two clicked points")
-        self._text = gui.add_html("")
+        self.text = gui.add_html("")
         self._root = scene.add_frame("/measure", show_axes=False, visible=False)
         self._balls = [
             scene.add_icosphere(f"/measure/{name}", POINT, color=INK, visible=False) for name in ("one", "two")
@@ -52,11 +52,6 @@ class Measuring:
         """True if clicks set points."""
         return bool(self.switch.value)
 
-    @property
-    def text(self) -> str:
-        """The text below the switch, as HTML."""
-        return str(self._text.content)
-
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
     def begin(self) -> None:
@@ -70,7 +65,7 @@ class Measuring:
             return
         found = first_hit(origin, direction, self._surfaces())
         if found is None:
-            self._text.content = small(NOTHING_THERE)
+            self.text.content = small(NOTHING_THERE)
             return
         self.points = [*self.points, found] if len(self.points) == 1 else [found]
         if len(self.points) == 1:
@@ -92,7 +87,7 @@ class Measuring:
                 self._line.points = np.array([self.points], dtype=np.float32)
                 self._label.text = words.partition(" apart")[0]
                 self._label.position = 0.5 * (self.points[0] + self.points[1])
-            self._text.content = small(words)
+            self.text.content = small(words)
 
     def _surfaces(self) -> Iterator[Surface]:
         """Return the visible surfaces: the robot and its ghosts, and the obstacles."""

@@ -100,7 +100,7 @@ class MotionNodes:
         for number in self._drawn.keys() - {shown.number for shown in there}:
             gone = self._drawn.pop(number)
             gone.robot.remove()
-            gone.path.remove()
+            gone.path.node.remove()
         for shown in there:
             self._paint(shown, self.of(shown), seen)
 
@@ -126,7 +126,7 @@ class MotionNodes:
             drawn.path.draw(motion.tip, look.colors, PATH_WIDTH if look.wide else THIN_PATH)
             drawn.robot.paint(color)
             drawn.sent = sent
-        drawn.path.visible = shown.visible and seen
+        drawn.path.node.visible = shown.visible and seen
 
 
 def verdict_color(certificate: Certificate) -> Color:

@@ -5,7 +5,7 @@ robot itself is. Values alone; `motion_nodes` draws them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from hdplan.planner.view.drawing.colors import MOTIONS
@@ -32,23 +32,6 @@ class Shown:
     visible: bool = True
     doubted: bool = False  # whether nothing is known of it, as what measured or drew it failed
     misfit: str = ""  # why nothing can be proven of it in the scene as it was last checked
-
-
-@dataclass(frozen=True, eq=False)
-class Kept:
-    """The part of a motion that an undo brings back."""
-
-    motion: ShownMotion
-    number: int
-    color: Color
-    origin: Scene
-    result: PlanResult | None
-    visible: bool
-
-    @classmethod
-    def of(cls, shown: Shown) -> Kept:
-        """Return a motion as it is now, to be restored."""
-        return cls(shown.motion, shown.number, shown.color, shown.origin, shown.result, shown.visible)
 
 
 class Motions:
@@ -96,16 +79,16 @@ class Motions:
         shown.motion, shown.misfit, shown.doubted = motion, "", False
         self.active = shown
 
-    def kept(self) -> tuple[tuple[Kept, ...], int | None]:
-        """Return the state that an undo restores: the motions, and the number of the active one."""
-        return tuple(map(Kept.of, self.shown)), None if self.active is None else self.active.number
+    def kept(self) -> tuple[tuple[Shown, ...], int | None]:
+        """Return the state that an undo restores: the motions as they are now, and the number of the active one."""
+        return tuple(map(replace, self.shown)), None if self.active is None else self.active.number
 
-    def restore(self, motions: Sequence[Kept], active: int | None) -> None:
-        """Take what was kept, and nothing else."""
+    def restore(self, motions: Sequence[Shown], active: int | None) -> None:
+        """Take what was kept, and nothing else: what is doubted by now stays so."""
         there = {shown.number: shown for shown in self.shown}
         self.shown = []
         for kept in motions:
-            shown = there.get(kept.number) or Shown(kept.motion, kept.number, kept.color, kept.origin)
+            shown = there.get(kept.number) or replace(kept, doubted=False)
             shown.doubted = shown.doubted and shown.motion is kept.motion
             shown.motion, shown.origin, shown.result = kept.motion, kept.origin, kept.result
             shown.visible, shown.misfit = kept.visible, ""

@@ -177,12 +177,7 @@ class ObstacleFields:
                 if isinstance(value, tuple)
                 else gui.add_number(label, 0.0, step=ARROW_STEP)
             )
-            self._fields.add(
-                key,
-                handle,
-                partial(self._size, key),
-                partial(self._resized, key),
-            )
+            self._fields.add(key, handle, partial(self._size, key), partial(self._resized, key))
         clearance = gui.add_text("clearance [m]", "", hint="to be proven around it; empty: the planner's")
         self._fields.add(
             "clearance",

@@ -34,7 +34,7 @@ from hdplan.planner.view.things import Thing
 from hdplan.planner.view.time_plots import TimePlots
 from hdplan.planner.view.tree import Tree
 from hdplan.planner.view.uploads import LONGEST_NAME, check_size
-from hdplan.planner.view.words import OUTDATED, badge, clearance_words, small, tip_words, whats_next
+from hdplan.planner.view.words import OUTDATED, badge, clearance_words, next_words, small, tip_words, whats_next
 from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
@@ -57,10 +57,10 @@ class Panel:
         self.player = Player(viewer.server, viewer.worker, viewer.draw)
         self._next, self._badge = gui.add_html(""), gui.add_html("")
         self.rows = Rows(viewer, self.page)
-        self._clearance = gui.add_html("")
+        self.clearance = gui.add_html("")
         self.live = Live(viewer, self.handles)
         self.looking = Looking(viewer.server, viewer.worker, InView(viewer, self.handles))
-        self._legend = gui.add_html("")
+        self.legend = gui.add_html("")
         self.page.build()
         self.plots = TimePlots(viewer.server, self.page, viewer.worker, self.player, self.plot)
         self.editing = Editing(viewer, self.handles)
@@ -97,17 +97,7 @@ class Panel:
     @property
     def verdict(self) -> str:
         """The text on the scene and its motions, as HTML."""
-        return str(self._next.content) + str(self._badge.content) + self.rows.content
-
-    @property
-    def legend(self) -> str:
-        """The text on the path's colours, as HTML."""
-        return str(self._legend.content)
-
-    @property
-    def clearance(self) -> str:
-        """The text on the closest pairs, as HTML."""
-        return str(self._clearance.content)
+        return str(self._next.content) + str(self._badge.content) + str(self.rows.html.content)
 
     def end(self) -> None:
         """End the threads of its parts."""
@@ -163,7 +153,7 @@ class Panel:
         """Show the clearances at a moment, or of a `report`, of a robot at `q` (n,)."""
         robot = self._viewer.robot
         whose = "" if report is None else f'<div class="hd">{report.words}:</div>'
-        self._clearance.content = whose + clearance_words(self.player.timeline.words(now), pairs)
+        self.clearance.content = whose + clearance_words(self.player.timeline.words(now), pairs)
         tip = tip_words(self._viewer.stage.tip.placement(q))
         self._table.content = joint_table(robot.joint_names, q, robot.lower, robot.upper) + tip
         self.plots.follow(now)
@@ -191,25 +181,21 @@ class Panel:
         if motions.active is not None:
             colors, means, _ = self._viewer.motion_nodes.look_of(motions.active)
             content = color_legend(colors, html.escape(means)) if isinstance(colors, tuple) else clearance_legend()
-        self._legend.content = content
+        self.legend.content = content
 
     def _say_badge(self) -> None:
         """Show the verdict in the scene."""
         viewer, active = self._viewer, self._viewer.motions.active
         holds = active is not None and viewer.document.holds(active)
-        content = badge(viewer.edited, None if active is None else active.motion, holds)
-        self._badge.content = content
+        self._badge.content = badge(viewer.edited, None if active is None else active.motion, holds)
 
     def say_next(self, words: str, bad: bool = False) -> None:
         """Show what to do or know now, in the two lines that are reserved for it."""
-        text = html.escape(words)
-        tint = " hd-bad" if bad else ""
-        content = f'<div class="hd hd-two{tint}" title="{text}">{text}</div>'
-        self._next.content = content
+        self._next.content = next_words(words, bad)
 
     def take_back(self) -> None:
         """Withdraw the words about the motions and of a moment: something failed."""
-        self._clearance.content = ""
+        self.clearance.content = ""
         self.outdate()
         self.rows.say()
         self._say_colors()

@@ -55,15 +55,10 @@ class PlaneLayer:
             visible=False,
         )
         self.label = scene.add_label("/plane_label", "", visible=False, **LABELS | {"anchor": "top-center"})
-        self._text = viewer.server.gui.add_html("")
+        self.text = viewer.server.gui.add_html("")
         self._of: tuple[Trajectory, Scene] | None = None  # the subject of the proof at hand
         self._proof: ReadProof | str = ""  # or why there is none
         self._thread: threading.Thread | None = None
-
-    @property
-    def text(self) -> str:
-        """The text below the layers, as HTML."""
-        return str(self._text.content)
 
     def end(self) -> None:
         """Wait for the thread."""
@@ -88,7 +83,7 @@ class PlaneLayer:
         """Draw the plane between the closest pair where the active motion is at a path parameter; none unless `on` is
         true."""
         plane, words = self._plane(parameter, pairs) if on else (None, "")
-        self._text.content = small(html.escape(words))
+        self.text.content = small(html.escape(words))
         self.slab.visible = self.label.visible = plane is not None
         nearest = pairs[0] or pairs[1]
         if plane is None or nearest is None:

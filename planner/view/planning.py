@@ -20,9 +20,8 @@ from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.planner.view.drawing.colors import ITERATE
 from hdplan.planner.view.drawing.motion import sample_parameters
 from hdplan.planner.view.drawing.nodes import PathNode
-from hdplan.planner.view.words import small
+from hdplan.planner.view.words import failure_words, small
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -65,7 +64,7 @@ class Planning:
         self.watch = gui.add_checkbox(
             "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
         )
-        self._text = gui.add_html("")
+        self.text = gui.add_html("")
         self.iteration = gui.add_slider("iteration", 0, 1, 1, 0, disabled=True, hint="look back at the optimizer")
         self.iteration.on_update(lambda event: viewer.worker.ask("iterate", self._look_back) if event.client else None)
 
@@ -73,11 +72,6 @@ class Planning:
     def running(self) -> bool:
         """True if a motion is being planned."""
         return self._follows or (self._thread is not None and self._thread.is_alive())
-
-    @property
-    def text(self) -> str:
-        """The text below the button, as HTML."""
-        return str(self._text.content)
 
     def toggle(self) -> None:
         """Start, or stop."""
@@ -150,8 +144,7 @@ class Planning:
         try:
             result = run(self._report, self._stop.is_set)
         except BaseException as error:  # among them ends in collision, and Ctrl-C
-            known = isinstance(error, HdplanError)
-            text = str(error).removeprefix(f"{scene.source}: ") if known else f"{type(error).__name__}: {error}"
+            text = failure_words(scene, error)
             worker.ask("planned", lambda: self._finish(scene, None, text))
             raise
         worker.ask("planned", lambda: self._finish(scene, result, result.certificate.text))
@@ -201,7 +194,7 @@ class Planning:
     def _finish(self, scene: Scene, result: PlanResult | None, text: str) -> None:
         viewer = self._viewer
         if self._path is not None:
-            self._path.remove()
+            self._path.node.remove()
             self._path = None
         self.button.label, self.button.icon = "Plan", viser.Icon.ROUTE
         self.stopped = result if self._stop.is_set() else None
@@ -238,7 +231,7 @@ class Planning:
         return motions.free_name(NAME)
 
     def _say(self, text: str) -> None:
-        self._text.content = small(html.escape(text))
+        self.text.content = small(html.escape(text))
 
 
 def row_times(scene: Scene, count: int) -> Array | None:

@@ -11,11 +11,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import viser
 
 from hdplan.planner.view.drawing.colors import hex_of
 from hdplan.planner.view.motions import Shown
-from hdplan.planner.view.page_script import Message, Page, link, telling
+from hdplan.planner.view.page_script import Handler, Message, Page, link, telling
 from hdplan.planner.view.words import OUTDATED, figures
 
 if TYPE_CHECKING:
@@ -28,26 +27,23 @@ class Rows:
     def __init__(self, viewer: Viewer, page: Page) -> None:
         """Build them in the container at hand."""
         self._viewer = viewer
-        self._html = viewer.server.gui.add_html("")
-        for what, do in (
-            ("choose", self._choose),
-            ("hide", self._hide),
-            ("rename", self._rename),
-            ("remove", self._remove),
-            ("closest", self._closest),
-        ):
+        self.html = viewer.server.gui.add_html("")
+        document = viewer.document
+        acts: dict[str, Callable[[Shown, Message], None]] = {
+            "choose": lambda shown, _: document.choose(shown.motion.name),
+            "hide": lambda shown, _: document.hide(shown),
+            "rename": lambda shown, message: document.rename(shown, str(message.get("answer", ""))),
+            "remove": lambda shown, _: document.remove(shown),
+            "closest": lambda shown, _: self._closest(shown),
+        }
+        for what, do in acts.items():
             page.on(what, self._handler(do))
-
-    @property
-    def content(self) -> str:
-        """The text, as HTML."""
-        return str(self._html.content)
 
     def say(self) -> None:
         """Write the lines. By the worker's thread."""
         lines = "".join(self._line(shown) for shown in self._viewer.motions.shown)
         content = f'<div class="hd" style="padding:0 0.6em">{lines}</div>' if lines else ""
-        self._html.content = content
+        self.html.content = content
 
     def _line(self, shown: Shown) -> str:
         document, motion, number = self._viewer.document, shown.motion, shown.number
@@ -83,7 +79,7 @@ class Rows:
 
     # --- what browsers ask for ------------------------------------------------------------------------------------
 
-    def _handler(self, do: Callable[[Shown, Message], None]) -> Callable[[viser.ClientHandle, Message], object]:
+    def _handler(self, do: Callable[[Shown, Message], None]) -> Handler:
         """Return a handler that lets the worker run `do` on the named motion, if there is one."""
 
         def job(message: Message) -> None:
@@ -96,19 +92,8 @@ class Rows:
             f"{message['do']} {message.get('motion')}", lambda: job(message)
         )
 
-    def _choose(self, shown: Shown, message: Message) -> None:
-        self._viewer.document.choose(shown.motion.name)
-
-    def _hide(self, shown: Shown, message: Message) -> None:
-        self._viewer.document.hide(shown)
-
-    def _rename(self, shown: Shown, message: Message) -> None:
-        self._viewer.document.rename(shown, str(message.get("answer", "")))
-
-    def _remove(self, shown: Shown, message: Message) -> None:
-        self._viewer.document.remove(shown)
-
-    def _closest(self, shown: Shown, message: Message) -> None:
+    def _closest(self, shown: Shown) -> None:
+        """Go to the moment at which a motion is closest to anything."""
         motion, player = shown.motion, self._viewer.panel.player
         if motion.measured:
             self._viewer.document.choose(motion.name)

@@ -7,7 +7,7 @@ obstacle and the field, for what no file could say.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -108,26 +108,17 @@ def resized(edited: Edited, name: str, **sizes: object) -> Edited:
 
 def placed(edited: Edited, name: str, position: tuple[float, float, float]) -> Edited:
     """The scene with an obstacle that is at `position` (world frame) [m] at 0 s, turned as before."""
-    obstacle = edited.obstacle(name)
-    with naming(f"obstacle {name}"):
-        other = moved(obstacle, replace(obstacle.pose, position=position))
-    return _exchanged(edited, name, other)
+    return _posed(edited, name, lambda pose: replace(pose, position=position))
 
 
 def turned(edited: Edited, name: str, degrees: tuple[float, float, float]) -> Edited:
     """The scene with an obstacle turned by roll, pitch and yaw [°], about the world's axes in this order, at 0 s."""
-    obstacle = edited.obstacle(name)
-    with naming(f"obstacle {name}"):
-        other = moved(obstacle, pose_turned(obstacle.pose, degrees))
-    return _exchanged(edited, name, other)
+    return _posed(edited, name, lambda pose: pose_turned(pose, degrees))
 
 
 def oriented(edited: Edited, name: str, quaternion: Sequence[float]) -> Edited:
     """The scene with an obstacle turned as a quaternion x y z w says, which is normalized, at 0 s."""
-    obstacle = edited.obstacle(name)
-    with naming(f"obstacle {name}"):
-        other = moved(obstacle, pose_oriented(obstacle.pose, quaternion))
-    return _exchanged(edited, name, other)
+    return _posed(edited, name, lambda pose: pose_oriented(pose, quaternion))
 
 
 def pose_turned(pose: Pose, degrees: tuple[float, float, float]) -> Pose:
@@ -165,8 +156,7 @@ def turn_of(pose: Pose) -> tuple[float, float, float]:
 def snapped(edited: Edited, *names: str) -> Edited:
     """The scene with obstacles at whole centimetres and turned by whole steps of SNAP_TURN."""
     for name in names:
-        obstacle = edited.obstacle(name)
-        edited = _exchanged(edited, name, moved(obstacle, pose_snapped(obstacle.pose)))
+        edited = _posed(edited, name, pose_snapped)
     return edited
 
 
@@ -218,6 +208,14 @@ def free_name(edited: Edited, stem: str) -> str:
     bare = stem.rstrip("0123456789") or stem
     numbers = (f"{bare}{number}" for number in range(2, len(taken) + 3))
     return stem if stem not in taken else next(name for name in numbers if name not in taken)
+
+
+def _posed(edited: Edited, name: str, posed: Callable[[Pose], Pose]) -> Edited:
+    """The scene with an obstacle at another pose at 0 s."""
+    obstacle = edited.obstacle(name)
+    with naming(f"obstacle {name}"):
+        other = moved(obstacle, posed(obstacle.pose))
+    return _exchanged(edited, name, other)
 
 
 def _with(edited: Edited, name: str, /, **fields: Any) -> Edited:

@@ -14,13 +14,7 @@ from hdplan.planner.view.drawing.clouds import CloudNode
 from hdplan.planner.view.drawing.colors import GOAL, START
 from hdplan.planner.view.drawing.labels import Label
 from hdplan.planner.view.drawing.motion import Tip, shortened
-from hdplan.planner.view.drawing.nodes import (
-    ClosestNodes,
-    ObstacleNode,
-    RobotNodes,
-    draw_left_out,
-    draw_region,
-)
+from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_left_out, draw_region
 from hdplan.planner.view.drawing.skins import INSET, Skin, collision_skins
 from hdplan.planner.view.drawing.standing import Standing
 from hdplan.planner.view.edited_scene import Edited

@@ -13,7 +13,7 @@ from typing import NamedTuple, assert_never
 import pinocchio as pin
 
 from hdplan.planner.kinematics.inverse import Aim
-from hdplan.planner.view.drawing.motion import Tip
+from hdplan.planner.view.drawing.motion import Tip, as_pose
 from hdplan.planner.view.drawing.reaching import follow_pose, follow_tip
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.ends import jogged, with_target
@@ -56,9 +56,7 @@ def place_of(edited: Edited, thing: Thing, tip: Tip) -> Pose:
         return edited.obstacle(thing.name).pose
     if thing.kind == "goal" and (pose := _pose(edited, thing)) is not None:
         return pose.pose
-    place = tip.placement(edited.start if thing.kind == "start" else edited.goal)
-    x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
-    return Pose(tuple(place.translation.tolist()), (x, y, z, w))
+    return tip.pose(edited.start if thing.kind == "start" else edited.goal)
 
 
 def turns(edited: Edited, thing: Thing) -> bool:
@@ -70,12 +68,7 @@ def turns(edited: Edited, thing: Thing) -> bool:
 
 
 def dragged(
-    edited: Edited,
-    thing: Thing,
-    pose: Pose,
-    tip: Tip,
-    begin: Edited | None = None,
-    along: Collection[str] = (),
+    edited: Edited, thing: Thing, pose: Pose, tip: Tip, begin: Edited | None = None, along: Collection[str] = ()
 ) -> tuple[Edited, str]:
     """Return the scene with a thing dragged to `pose` (world frame), and a word where it cannot follow. `begin` is what
     it was when dragging began: an arm that was pulled out of reach follows from there again. Obstacles `along` with one
@@ -88,7 +81,7 @@ def dragged(
         obstacles = [
             moved(each, pose)
             if each.name == thing.name
-            else moved(each, _carried(first.get(each.name, each.pose), way))
+            else moved(each, as_pose(way * pin.SE3(first.get(each.name, each.pose).matrix)))
             if each.name in along
             else each
             for each in edited.scene.obstacles
@@ -121,13 +114,6 @@ def _pose(edited: Edited, thing: Thing) -> PoseTarget | None:
     if isinstance(target, JointTarget):
         return None
     return next((pose for pose in target.poses if pose.link == thing.name), target.poses[0])
-
-
-def _carried(pose: Pose, way: pin.SE3) -> Pose:
-    """Return a pose after a rigid motion of the world."""
-    place = way * pin.SE3(pose.matrix)
-    x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
-    return Pose(tuple(place.translation.tolist()), (x, y, z, w))
 
 
 def moved(obstacle: Obstacle, pose: Pose) -> Obstacle:

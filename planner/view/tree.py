@@ -14,18 +14,19 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import viser
-
 from hdplan.planner.view import groups, scene_edits
 from hdplan.planner.view.edit_steps import Editing
 from hdplan.planner.view.handles import Handles
-from hdplan.planner.view.page_script import Message, Page, link, telling
+from hdplan.planner.view.page_script import Handler, Message, Page, link, telling
 from hdplan.planner.view.things import Thing, things
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
+
+Act = Callable[[Sequence[str], Message], object]
+"""Something that is done with some obstacles, as a page's message says."""
 
 
 class Tree:
@@ -34,30 +35,16 @@ class Tree:
     def __init__(self, viewer: Viewer, page: Page, editing: Editing, handles: Handles) -> None:
         """Build it in the container at hand."""
         self._viewer, self._editing, self._handles = viewer, editing, handles
-        self._html = viewer.server.gui.add_html("")
+        self.html = viewer.server.gui.add_html("")
         self.hidden: set[str] = set()
         self._folded: set[str] = set()  # groups whose lines are not shown
-        for what, do in (
-            ("select", self._select),
-            ("eye", self._turn(self.hidden)),
-            ("lock", self._turn(viewer.document.locked)),
-            ("delete", self._delete),
-        ):
-            page.on(f"{what} thing", self._handler(do))
-        for what, do_all in (
-            ("select", self._select_group),
-            ("fold", self._fold),
-            ("rename", self._rename_group),
-            ("eye", self._turn_group(self.hidden)),
-            ("lock", self._turn_group(viewer.document.locked)),
-            ("delete", self._delete_group),
-        ):
-            page.on(f"{what} group", self._group_handler(do_all))
-
-    @property
-    def content(self) -> str:
-        """The text, as HTML."""
-        return str(self._html.content)
+        acts = {"eye": self._turn(self.hidden), "lock": self._turn(viewer.document.locked), "delete": self._delete}
+        page.on("select thing", self._handler(self._select))
+        for what, do in acts.items():
+            page.on(f"{what} thing", self._handler(_alone(do)))
+        whole = {"select": self._select_group, "fold": self._fold, "rename": self._rename_group}
+        for what, do in (acts | whole).items():
+            page.on(f"{what} group", self._group_handler(do))
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
@@ -97,7 +84,7 @@ class Tree:
             if group not in self._folded:
                 mine.append(self._line(thing, group))
         content = f'<div class="hd">{"".join(itertools.chain(*lines.values()))}</div>'
-        self._html.content = content
+        self.html.content = content
 
     def _group_line(self, group: str) -> str:
         every = groups.members(self._viewer.edited, group)
@@ -135,7 +122,7 @@ class Tree:
 
     # --- what browsers ask for ------------------------------------------------------------------------------------
 
-    def _handler(self, do: Callable[[Thing, Message], object]) -> Callable[[viser.ClientHandle, Message], object]:
+    def _handler(self, do: Callable[[Thing, Message], object]) -> Handler:
         """Return a handler that runs `do` on the named thing, if it exists."""
 
         def job(message: Message) -> None:
@@ -146,9 +133,7 @@ class Tree:
 
         return lambda _, message: self._editing.do(lambda: job(message))
 
-    def _group_handler(
-        self, do: Callable[[Sequence[str], Message], object]
-    ) -> Callable[[viser.ClientHandle, Message], object]:
+    def _group_handler(self, do: Act) -> Handler:
         """Return a handler that runs `do` on the obstacles of the named group, if there are any."""
 
         def job(message: Message) -> None:
@@ -166,10 +151,7 @@ class Tree:
         before = self._handles.obstacles if message.get("more") is True else ()
         self._handles.select_all(names, [name for name in before if name not in names])
 
-    def _turn(self, names: set[str]) -> Callable[[Thing, Message], None]:
-        return lambda thing, _: names.symmetric_difference_update({thing.name} if thing.kind == "obstacle" else ())
-
-    def _turn_group(self, names: set[str]) -> Callable[[Sequence[str], Message], None]:
+    def _turn(self, names: set[str]) -> Act:
         def turn(every: Sequence[str], message: Message) -> None:
             if names.issuperset(every):
                 names.difference_update(every)
@@ -186,12 +168,13 @@ class Tree:
         edited, _ = groups.grouped(self._viewer.edited, names, str(message.get("answer", "")))
         self._editing.apply("group", lambda _: edited)
 
-    def _delete(self, thing: Thing, message: Message) -> None:
-        if thing.kind == "obstacle":
-            self._editing.apply("delete", lambda edited: scene_edits.deleted(edited, thing.name))
-
-    def _delete_group(self, names: Sequence[str], message: Message) -> None:
+    def _delete(self, names: Sequence[str], message: Message) -> None:
         self._editing.apply("delete", lambda edited: scene_edits.deleted(edited, *names))
+
+
+def _alone(do: Act) -> Callable[[Thing, Message], object]:
+    """Return what does something with a single obstacle, and nothing with start or goal."""
+    return lambda thing, message: do((thing.name,), message) if thing.kind == "obstacle" else None
 
 
 def _row(text: str, links: str, choose: str, selected: bool) -> str:

@@ -28,7 +28,6 @@ from hdplan.planner.view.gate import Gate, Served
 from hdplan.planner.view.motion_nodes import MotionNodes
 from hdplan.planner.view.motions import Motions
 from hdplan.planner.view.pulse import Pulse
-from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.reported import Reported
 from hdplan.planner.view.stage import Stage
 from hdplan.planner.view.uploads import Uploads
@@ -166,9 +165,7 @@ class Viewer(Served):
         self.panel.end()
         self.worker.end()
         self.uploads.close()
-        self.gate.close()
-        with quiet():
-            self.server.stop()
+        super().close()
 
     # --- what the document says: by the worker's thread -----------------------------------------------------------
 

@@ -14,6 +14,8 @@ from hdplan.planner.certificate.verdict import Certificate, Contact, Status, pro
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.drawing.motion import ShownMotion, millimetres, shortened
 from hdplan.planner.view.edited_scene import Edited
+from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from hdplan.planner.result import PlanResult
@@ -24,6 +26,22 @@ OUTDATED = "the scene has changed: this motion is not checked in it yet"
 def small(text: str) -> str:
     """Return HTML in the panel's small print; nothing for no text."""
     return f'<div style="padding:0 0.9em;font-size:max(0.8em,11px)">{text}</div>' if text else ""
+
+
+def next_words(words: str, bad: bool = False) -> str:
+    """Return what to do or know now as HTML, in the two lines that are reserved for it."""
+    text = html.escape(words)
+    return f'<div class="hd hd-two{" hd-bad" if bad else ""}" title="{text}">{text}</div>'
+
+
+def error_words(error: BaseException) -> str:
+    """Return an error in words; of one that is not hdplan's, its kind, too."""
+    return str(error) if isinstance(error, HdplanError) else f"{type(error).__name__}: {error}"
+
+
+def failure_words(scene: Scene, error: BaseException) -> str:
+    """Say why there is no plan in a scene, which needs not be named."""
+    return error_words(error).removeprefix(f"{scene.source}: ")
 
 
 def contact_words(contacts: Sequence[Contact]) -> str:

@@ -41,6 +41,15 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "disable_default_collisions": ("link",),
     "chain": ("base_link", "tip_link"),
 }
+# Attributes that name a link, joint or group.
+NAMES: dict[str, dict[str, str]] = {
+    **{kind: {"name": kind} for kind in ("link", "joint", "group")},
+    **{pair: {"link1": "link", "link2": "link"} for pair in ("disable_collisions", "enable_collisions")},
+    "disable_default_collisions": {"link": "link"},
+    "chain": {"base_link": "link", "tip_link": "link"},
+    "passive_joint": {"name": "joint"},
+    "end_effector": {"parent_link": "link", "group": "group", "parent_group": "group"},
+}
 # Elements that are not MoveIt's and say nothing of motions and pairs, and why; what they contain is not read.
 HARMLESS = {
     "robot": {
@@ -67,31 +76,18 @@ def check_srdf_words(root: Element, links: Collection[str], joints: Collection[s
     for state in root.findall("group_state"):
         _check_unique(state, "joint", ("name",))
     named: dict[str, list[str]] = {"link": [], "joint": [], "group": []}
-    for element in root:
-        tag = element.tag
-        if tag in ("disable_collisions", "enable_collisions", "disable_default_collisions"):
-            named["link"] += [element.get(key, "") for key in WORDS[tag][1] if key != "reason"]
-        if tag == "passive_joint":
-            named["joint"].append(element.get("name", ""))
-        if tag == "end_effector":
-            named["link"].append(element.get("parent_link", ""))
-            named["group"] += [element.get(key, "") for key in ("group", "parent_group") if element.get(key)]
-        if tag == "group":
-            for entry in element:
-                if entry.tag in named:
-                    named[entry.tag].append(entry.get("name", ""))
-                if entry.tag == "chain":
-                    named["link"] += [entry.get("base_link", ""), entry.get("tip_link", "")]
-        if tag == "group_state":
-            named["joint"] += [joint.get("name", "") for joint in element.findall("joint")]
+    for owner in (root, *root.findall("group"), *root.findall("group_state")):
+        for element in owner:
+            for key, kind in NAMES.get(element.tag, {}).items():
+                if (name := element.get(key, "")) or kind != "group":  # an end effector may have no group
+                    named[kind].append(name)
     virtual = [element.get("name", "") for element in root.findall("virtual_joint")]
     notes = [f"not part of SRDF, ignored: the text '{text}'"] if (text := stray_text(root)) else []
     groups = {group.get("name", "") for group in root.findall("group")}
     for kind, there in (("link", {*links}), ("joint", {*joints, *virtual, FLOATING}), ("group", groups)):
         if unknown := [name for name in dict.fromkeys(named[kind]) if name not in there]:
-            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown[:LISTED_NAMES]] + unknown[
-                LISTED_NAMES:
-            ]
+            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown[:LISTED_NAMES]]
+            shown += unknown[LISTED_NAMES:]
             lacking = "that nothing defines" if kind == "group" else "that the robot does not have"
             notes.append(f"the SRDF names {kind}s {lacking}: {listed(shown, LISTED_NAMES)}")
     return tuple(notes)

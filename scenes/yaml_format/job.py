@@ -50,16 +50,12 @@ def _stage(entry: Field) -> Stage:
         found = f"has more than one of {', '.join(given)}" if given else f"has none of the keys {', '.join(KINDS)}"
         raise entry.error(f"{found}: a stage is of one kind")
     kind, content = given[0], keys[given[0]]
-    values: dict[str, Any] = {key: keys[key] for key in COMMON if key in keys}
-    if "limits" in keys:
-        values["limits"] = read_limits(keys["limits"])
+    make: Callable[..., Stage] = KINDS[kind]
     for key, kinds in OF_THE_ARM.items():
         if key in keys and kind not in kinds:
             raise keys[key].error(f"goes with {', '.join(map(repr, kinds))} alone")
-    if "path" in keys:
-        values["path"] = read_path(keys["path"])
-    if "blend" in keys:
-        values["blend"] = keys["blend"]
+    values: dict[str, Any] = {key: keys[key] for key in (*COMMON, *OF_THE_ARM) if key in keys}
+    values |= {key: read(keys[key]) for key, read in (("limits", read_limits), ("path", read_path)) if key in keys}
     match kind:
         case "move":
             return entry.make(Move, goal=read_goal(content), **values)
@@ -69,12 +65,11 @@ def _stage(entry: Field) -> Stage:
             own = {key: value for key, value in keys.items() if key != "file"}
             return _made(entry, kind, Along, {**own, "poses": poses}, values)
         case "line" | "circle" | "grip" | "release":
-            return _made(entry, kind, KINDS[kind], content.mapping(OWN[KINDS[kind]]), values)
-        case "set":
-            return entry.make(Set, outputs=content.checked(checks_of(Set)["outputs"], content.value), **values)
-        case _:
-            seconds = content.checked(checks_of(Wait)["seconds"], content.value)
-            return entry.make(Wait, seconds=seconds, **values)
+            return _made(entry, kind, make, content.mapping(OWN[KINDS[kind]]), values)
+        case _:  # set and wait, of one value
+            (name,) = OWN[KINDS[kind]]
+            value = content.checked(checks_of(KINDS[kind])[name], content.value)
+            return entry.make(make, **{name: value}, **values)
 
 
 def _made(entry: Field, kind: str, make: Callable[..., Stage], own: dict[str, Any], common: dict[str, Any]) -> Stage:

@@ -182,9 +182,7 @@ def _robot(section: Field) -> RobotSpec:
 
 def _obstacles(section: Field) -> tuple[Obstacle, ...]:
     obstacles = []
-    readers: tuple[tuple[str, Callable[[Field], object]], ...] = (
-        *(("pose", read_pose), ("motion", read_motion), ("uncertainty", read_uncertainty)),
-    )
+    readers = (("pose", read_pose), ("motion", read_motion), ("uncertainty", read_uncertainty))
     for i, entry in enumerate(section.items(of="obstacles")):
         keys = entry.mapping(("name", *SOLIDS, "pose", "clearance", "motion", "uncertainty"))
         given = [word for word in SOLIDS if word in keys]

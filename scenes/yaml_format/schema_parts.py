@@ -12,14 +12,13 @@ from typing import Any
 from hdplan.scenes.attached import body_inertia
 from hdplan.scenes.clouds import RADIUS, radius_of
 from hdplan.scenes.depth_images import measured, pinhole
-from hdplan.scenes.job import fingers_of, outputs_of
+from hdplan.scenes.job import outputs_of
 from hdplan.scenes.limits import JointQuantity, ranges
 from hdplan.scenes.obstacles import rising_times
 from hdplan.scenes.path_constraints import AXES, direction, extent
 from hdplan.scenes.poses import rotation
 from hdplan.scenes.robot_spec import argument, group_of, pair, span
 from hdplan.scenes.shapes import axis_factors, volume
-from hdplan.scenes.sizes import JointSize
 from hdplan.scenes.stage import touching
 from hdplan.scenes.values import (
     LARGEST_NUMBER,
@@ -30,6 +29,7 @@ from hdplan.scenes.values import (
     Maybe,
     Named,
     Number,
+    PerJoint,
     Row,
     Whole,
     absolute_path,
@@ -52,7 +52,6 @@ FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema 
     body_inertia: Row(Number(unit="kg m²"), 6),
     rising_times: Row(Number(low=0.0, unit="s")),
     ranges: Named(Row(JointValue, 2)),
-    fingers_of: Named(JointValue),
     pair: Row(text, 2),
     span: Row(JointValue, 2),
     group_of: (text, Row(text)),
@@ -108,15 +107,13 @@ def value_schema(check: Check) -> Schema:
         case Row(item, length):
             exactly = {} if length is None else {"minItems": length, "maxItems": length}
             return {**list_of(value_schema(item)), **exactly}
-        case JointSize(unit, most):
-            size = _number(Number(0.0, most, unit=unit))
-            named = {"type": "object", "additionalProperties": size, "minProperties": 1}
-            return {"anyOf": [size, {**list_of(size), "minItems": 1}, named]}
-        case JointQuantity(unit=unit, in_urdf=in_urdf):
-            number = _number(Number(above=0.0, unit=unit))
-            words = [{"enum": ["urdf"]}] if in_urdf else []
-            named = {"type": "object", "additionalProperties": number, "minProperties": 1}
-            return {"anyOf": [*words, number, {**list_of(number), "minItems": 1}, named]}
+        case PerJoint(number):
+            one = _number(number)
+            named = {"type": "object", "additionalProperties": one, "minProperties": 1}
+            return {"anyOf": [one, {**list_of(one), "minItems": 1}, named]}
+        case JointQuantity():
+            words = [{"enum": ["urdf"]}] if check.in_urdf else []
+            return {"anyOf": [*words, *value_schema(check.numbers)["anyOf"]]}
     if check is extent:
         return {**list_of(_edge()), "minItems": 3, "maxItems": 3}
     if check in PLAIN:

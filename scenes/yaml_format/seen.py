@@ -51,16 +51,14 @@ def _made(section: Field, keys: dict[str, Field], source: object) -> Cloud:
         several = isinstance(keys["ignore"].value, list)
         entries = keys["ignore"].items(of="links and obstacles") if several else [keys["ignore"]]
         values["ignore"] = tuple(entry.read(Ignored) for entry in entries)
-    cloud: Cloud = section.make(Cloud, **values)
-    return cloud
+    return section.make(Cloud, **values)
 
 
 def read_voxels(section: Field) -> Voxels:
     """Read a voxel grid. Raises InputError as `read_cloud`."""
     keys = section.mapping(("file", "occupied", "size", "origin"), required=["size"])
     source = _source(section, keys, "occupied")
-    found: Voxels = section.make(Voxels, **{**keys, "occupied": source})
-    return found
+    return section.make(Voxels, **{**keys, "occupied": source})
 
 
 def read_octomap(section: Field) -> OctoMap:
@@ -69,8 +67,7 @@ def read_octomap(section: Field) -> OctoMap:
     if ("file" in keys) == ("content" in keys):
         raise section.error("needs either file or content")
     source = keys.pop("file").path() if "file" in keys else _bytes_in(keys.pop("content"))
-    found: OctoMap = section.make(OctoMap, **{**keys, "source": source})
-    return found
+    return section.make(OctoMap, **{**keys, "source": source})
 
 
 def _bytes_in(field: Field) -> bytes:

@@ -23,6 +23,7 @@ from hdplan.planner.pictures.quantities import Rate, rates
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 
 SAMPLES = 101  # at least, over the whole motion; of up to twice as many waypoints each is among them
@@ -37,10 +38,6 @@ class Share:
     quantity: str  # "velocity", "acceleration", "jerk", "torque"
     times: Array  # (k,) [s]
     values: Array  # (k,) of 1
-
-    def over(self, times: Array) -> Array:
-        """Clearances (m,) at other times (m,) [s]; NaN where none is known."""
-        return np.asarray(np.interp(times, self.times, self.values, left=np.nan, right=np.nan))
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +123,10 @@ class Tip:
         pin.forwardKinematics(self.robot.model, data, self.robot.pin_q(q))
         return data.oMi[self.joint] * pin.SE3(np.eye(3), self.offset)
 
+    def pose(self, q: Array) -> Pose:
+        """Return the tip's placement as a pose."""
+        return as_pose(self.placement(q))
+
     def path(self, joints: Array) -> Array:
         """Return the tip's positions (K, 3) at configurations (K, n)."""
         data = self.robot.model.createData()
@@ -134,6 +135,12 @@ class Tip:
             pin.forwardKinematics(self.robot.model, data, q)
             points[row] = data.oMi[self.joint].act(self.offset)
         return points
+
+
+def as_pose(place: pin.SE3) -> Pose:
+    """Return a placement as a pose of a scene."""
+    x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
+    return Pose(tuple(place.translation.tolist()), (x, y, z, w))
 
 
 def few_of(joints: Array) -> Array:

@@ -243,26 +243,13 @@ class PathNode:
     def __init__(self, server: viser.ViserServer, name: str, tip: Array, colors: NDArray[np.uint8] | Color) -> None:
         """Send it; see `draw`."""
         self._server = server
-        self._node = server.scene.add_line_segments(f"/{name}", *_segments(tip, colors), thickness=PATH_WIDTH)
+        self.node = server.scene.add_line_segments(f"/{name}", *_segments(tip, colors), thickness=PATH_WIDTH)
 
     def draw(self, tip: Array, colors: NDArray[np.uint8] | Color, width: float = PATH_WIDTH) -> None:
         """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour, of a `width` [m]."""
         with self._server.atomic():
-            self._node.points, self._node.colors = _segments(tip, colors)
-            self._node.thickness = width
-
-    @property
-    def visible(self) -> bool:
-        """True if the object is shown."""
-        return bool(self._node.visible)
-
-    @visible.setter
-    def visible(self, value: bool) -> None:
-        self._node.visible = value
-
-    def remove(self) -> None:
-        """Take it out of the scene."""
-        self._node.remove()
+            self.node.points, self.node.colors = _segments(tip, colors)
+            self.node.thickness = width
 
 
 def _segments(tip: Array, colors: NDArray[np.uint8] | Color) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:

@@ -95,15 +95,6 @@ class Plot:
         bar = {"label": "now", "stroke": hex_of(BAR), "width": 1, "points": {"show": False}}
         return {"label": self._timeline.name}, *lines, bar
 
-    @property
-    def visible(self) -> bool:
-        """True if the object is shown."""
-        return bool(self.handle.visible)
-
-    @visible.setter
-    def visible(self, value: bool) -> None:
-        self.handle.visible = value
-
     def set(
         self,
         timeline: Timeline,
@@ -130,7 +121,7 @@ class Plot:
         self.handle.title = self._words
         self.zoom(view)
         self.follow(now)
-        self.visible = True
+        self.handle.visible = True
 
     def zoom(self, view: SPAN) -> None:
         """Show this part of the timeline."""

@@ -13,7 +13,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.colors import CONTACT, INK, LINES, LINKS, SHARES, START, hex_of
 from hdplan.planner.view.drawing.mesh_parts import Color
-from hdplan.planner.view.drawing.motion import ShownMotion, moments_of, rates_of
+from hdplan.planner.view.drawing.motion import Share, ShownMotion, moments_of, rates_of
 from hdplan.planner.view.drawing.plot import SPAN, Line, Plot
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.scenes.array_types import Array
@@ -168,11 +168,11 @@ class MotionPlots:
             return
         shares = {share.quantity: share for share in active.shares}
         if not shares:
-            self.shares.visible = False
+            self.shares.handle.visible = False
         else:
             times = np.unique(np.concatenate([share.times for share in shares.values()]))
-            nothing = np.full(len(times), np.nan)
-            curves = [100.0 * shares[name].over(times) if name in shares else nothing for name in SHARES]
+            known = (shares.get(name, Share(name, times, np.full(len(times), np.nan))) for name in SHARES)
+            curves = [100.0 * _within(times, share.times, share.values) for share in known]
             top = max(float(100.0 * share.values.max()) for share in shares.values())
             every = [*curves, np.full(len(times), 100.0)]
             self.shares.set(self._timeline, times, every, 0.0, 1.08 * max(top, 100.0), now, self._view)
@@ -184,12 +184,12 @@ class MotionPlots:
     def clear(self) -> None:
         """Show nothing, as there is no motion."""
         for plot in self._all:
-            plot.visible = False
+            plot.handle.visible = False
 
     def follow(self, now: float) -> None:
         """Move the bars."""
         for plot in self._all:
-            if plot.visible:
+            if plot.handle.visible:
                 plot.follow(now)
 
 

@@ -20,6 +20,11 @@ from tests.waiting import until
 HERE = Path(__file__).parent
 
 
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
 @contextlib.contextmanager
 def dask(*arguments: str, **settings: str) -> Iterator[None]:
     """Run a command of dask's within the block."""

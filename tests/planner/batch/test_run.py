@@ -55,11 +55,6 @@ def content(folder: Path | str) -> tuple[list[dict[str, Any]], bytes]:
     return kept, (Path(folder) / "motions.parquet").read_bytes()
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 @pytest.fixture
 def run_here(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., bool]:
     """Do runs with the two workers that are there."""

@@ -93,11 +93,9 @@ def test_a_world_without_free_configurations_is_reported(tmp_path: Path, monkeyp
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
 def test_the_table_is_what_batch_reads(
-    ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ending: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     command = in_process(monkeypatch, capsys)
-
     code, out, err = command("sample", "planar_arm", "-n", "3", "--seed", "5", "--jitter", "0.01", "-o", "t" + ending)
     assert (code, err) == (0, "")
     assert out.startswith("3 problems; rejected: ")

@@ -17,11 +17,6 @@ from hdplan.scenes.yaml_format.writer import scene_text
 HEAD = "name,group,seed,start.joints.shoulder,start.joints.elbow,goal.joints.shoulder,goal.joints.elbow"
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 def write(name: str, text: str = "hdplan: 1\n") -> None:
     Path(name).parent.mkdir(parents=True, exist_ok=True)
     Path(name).write_text(text, encoding="utf-8")

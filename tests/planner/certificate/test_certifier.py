@@ -126,7 +126,7 @@ def test_every_contact_found_is_one(tmp_path: Path) -> None:
         assert either[frozenset((place.link, place.other))] <= 1e-6
 
 
-def test_what_is_known_of_a_body_goes_with_it() -> None:
+def test_kept_knowledge_of_a_body_goes_with_it() -> None:
     """A robot that is loaded again and again leaves nothing behind but what its cache keeps."""
     robot = load_robot(RobotSpec("ur5"))
     chain, bodies = Chain.of(robot.model), solids.link_bodies.__wrapped__(robot)  # type: ignore[attr-defined]
@@ -141,7 +141,7 @@ def test_what_is_known_of_a_body_goes_with_it() -> None:
 def test_long_motions_bounded_in_few_parts_first_have_the_same_verdict(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever the parts are, what is proven is no more than what samples find, and all that touches is found."""
+    """The proven clearance is no more than samples find, and every contact is found, whatever the parts are."""
     rng, verdicts = np.random.default_rng(17), []
     spec = RobotSpec(name="panda")
     robot = load_robot(spec)
@@ -183,7 +183,7 @@ PLANAR = robot_text(
 
 
 def test_a_place_looked_at_first_changes_no_verdict(tmp_path: Path) -> None:
-    """Wherever it is: contact is found all the same, and what is free is certified with what it keeps."""
+    """Contact is found all the same, wherever it is, and a free motion is certified with what it keeps."""
     rng, verdicts = np.random.default_rng(31), []
     spec = RobotSpec(name="panda")
     robot = load_robot(spec)
@@ -299,7 +299,7 @@ def test_a_ball_inside_a_link_that_is_not_convex() -> None:
     assert "forearm_link" in {place.link for place in found.failures}
 
 
-def test_where_coal_is_in_doubt_hulls_that_keep_apart_are_no_contact(
+def test_hulls_that_keep_apart_are_no_contact_where_coal_is_in_doubt(
     planar: RobotSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Directions for triangles that separate nothing prove nothing: the hulls' own distance is still proven."""

@@ -24,6 +24,7 @@ from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 
 from ..urdf import joint_text, link_text, write_robot
+from .rooms import turned
 
 TURNED = Pose((0.1, -0.2, 0.05), (0.1, 0.3, -0.3, 0.9))
 
@@ -153,39 +154,33 @@ def test_a_ball_inside_a_hollow_link_is_in_contact(tmp_path: Path) -> None:
     bent = outside.vertices * [1.0, 1.0, 0.4] + np.array([0.0, 0.0, 4.0]) * outside.vertices[:, :1] ** 2
     trimesh.Trimesh(bent, outside.faces).export(tmp_path / "bowl.stl")
     turn = joint_text("turn", "base", "bowl", limits=(-2, 2))
-    spec = RobotSpec(
-        urdf=write_robot(tmp_path / "arm.urdf", link_text("base"), link_text("bowl", mesh="bowl.stl"), turn)
-    )
+    links = link_text("base"), link_text("bowl", mesh="bowl.stl")
+    spec = RobotSpec(urdf=write_robot(tmp_path / "arm.urdf", *links, turn))
     start, goal = np.array([-0.1]), np.array([0.1])
     robot = load_robot(spec)
     motion = Trajectory(robot.joint_names, np.linspace(start, goal, 5))
-    for points, status in (
-        ([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], Status.IN_CONTACT),
-        ([[2.0, 0.0, 0.0], [2.0, 0.0, 0.0]], Status.CERTIFIED),
-        ([[0.002, 0.0, 0.0], [0.0, 0.0, 0.0]], Status.IN_CONTACT),
-    ):
-        obstacle = Obstacle("dust", Cloud(points, 0.002))
-        scene = scene_of(spec, obstacle, start, goal)
-        assert certify(scene, motion, required=0.0).status is status
+    for one, other, free in ((0.0, 2.0, False), (2.0, 2.0, True), (0.002, 0.0, False)):
+        dust = Cloud([[one, 0.0, 0.0], [other, 0.0, 0.0]], 0.002)
+        found = certify(scene_of(spec, Obstacle("dust", dust), start, goal), motion, required=0.0)
+        assert found.status is (Status.CERTIFIED if free else Status.IN_CONTACT)
     assert any(piece.surface for item in robot.collision.geometryObjects for piece in link_pieces(item.geometry, ""))
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_distance_to_balls_is_that_of_the_closest_one(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    link = _hull(rng.normal(size=(12, 3)) * [0.1, 0.05, 0.2])
+    link = hull_piece(rng.normal(size=(12, 3)) * [0.1, 0.05, 0.2])
     for spread in (0.05, 0.3):
         grains = np.column_stack([rng.uniform(-spread, spread, (60, 3)), rng.uniform(0.001, 0.01, 60)])
         balls = FixedArray(grains)
-        pose = Pose(tuple(rng.normal(size=3) * 0.4), tuple(_unit(rng, 4))).matrix
+        pose = Pose(tuple(rng.normal(size=3) * 0.4), turned(rng)).matrix
         truth = min(coal_distance(link, pose, grain) for grain in grains)
         found = []
         for piece, frame in zip(*standing_pieces(balls), strict=True):
             value = distance(link, pose, piece, frame)
             _, _, nearest, place = closest_parts(link, pose, piece, frame)
-            away = coal_distance(
-                link, pose, np.append(place[:3, :3] @ nearest.vertices[0] + place[:3, 3], nearest.ball)
-            )
+            grain = np.append(place[:3, :3] @ nearest.vertices[0] + place[:3, 3], nearest.ball)
+            away = coal_distance(link, pose, grain)
             assert value == pytest.approx(away, abs=1e-5)
             found.append(value)
         assert min(found) <= truth + 1e-9
@@ -195,9 +190,8 @@ def test_the_distance_to_balls_is_that_of_the_closest_one(seed: int) -> None:
 def test_the_pieces_of_a_cloud_are_made_once_wherever_it_stands() -> None:
     """Whoever drags something in a scene with a large cloud waits for nothing that stays as it was."""
     points = np.random.default_rng(0).uniform(-0.3, 0.3, (400, 3))
-    here, there = (
-        obstacle_bodies(Obstacle("seen", Cloud(points.copy(), radius=0.01), Pose((x, 0.0, 0.0)))) for x in (0.0, 1.0)
-    )
+    clouds = (Obstacle("seen", Cloud(points.copy(), radius=0.01), Pose((x, 0.0, 0.0))) for x in (0.0, 1.0))
+    here, there = map(obstacle_bodies, clouds)
     assert [body.piece for body in here] == [body.piece for body in there]
     assert all(abs(b.placement[0, 3] - a.placement[0, 3] - 1.0) < 1e-12 for a, b in zip(here, there, strict=True))
 
@@ -231,15 +225,6 @@ def coal_distance(link: Piece, pose: Array, grain: Array) -> float:
     result = coal.DistanceResult()
     at, place = coal.Transform3s(pose[:3, :3], pose[:3, 3]), coal.Transform3s(np.eye(3), grain[:3])
     return float(coal.distance(link.shape, at, coal.Sphere(grain[3]), place, coal.DistanceRequest(), result))
-
-
-def _hull(points: Array) -> Piece:
-    return hull_piece(points)
-
-
-def _unit(rng: np.random.Generator, count: int) -> Array:
-    found = rng.normal(size=count)
-    return np.asarray(found / np.linalg.norm(found))
 
 
 def test_groups_of_cells_settle_nothing_that_is_not_settled_alone(monkeypatch: pytest.MonkeyPatch) -> None:

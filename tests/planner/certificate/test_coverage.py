@@ -30,6 +30,8 @@ START = [0.0, -0.8, 0.0, -2.2, 0.0, 1.5, 0.8]
 END = [0.3, -0.6, 0.2, -2.0, 0.0, 1.6, 0.7]
 HANGING = Pose((0.0, 0.0, 1.5), (1.0, 0.0, 0.0, 0.0))
 FAR = Pose((2.0, 0.0, 1.0))
+POINTS = np.random.default_rng(0).normal(size=(200, 3)) * 0.02
+FINGERS = ("panda_leftfinger", "panda_rightfinger")
 EVERYTHING = {
     "obstacles": (
         Obstacle("box", Box([0.1, 0.1, 0.1]), FAR),
@@ -37,21 +39,10 @@ EVERYTHING = {
         Obstacle("panda_hand", Sphere(0.1), Pose((0.0, -2.0, 1.0))),  # as a link is called
         Obstacle("steady", Sphere(0.1), Pose((-2.0, 0.0, 1.0)), motion=hdplan.SteadyMotion((0.01, 0.0, 0.0))),
         Obstacle("timed", Sphere(0.1), motion=hdplan.TimedPoses([0.0, 1.0], [FAR, Pose((2.0, 0.1, 1.0))])),
-        Obstacle(
-            "cloud", Cloud(np.random.default_rng(0).normal(size=(200, 3)) * 0.02, radius=0.01), Pose((1.9, 1.9, 1.0))
-        ),
+        Obstacle("cloud", Cloud(POINTS, radius=0.01), Pose((1.9, 1.9, 1.0))),
         Obstacle("seen", Cloud([[0.0, 0.0, 1.45], [1.9, -1.9, 1.0]], radius=0.01, ignore_robot=0.05)),
     ),
-    "attached": (
-        Attached(
-            "cup",
-            "panda_hand",
-            Sphere(0.02),
-            Pose((0.0, 0.0, 0.2)),
-            ("panda_leftfinger", "panda_rightfinger"),
-            mass=0.2,
-        ),
-    ),
+    "attached": (Attached("cup", "panda_hand", Sphere(0.02), Pose((0.0, 0.0, 0.2)), FINGERS, mass=0.2),),
     "self_collision": SelfCollision(clearance=0.001),
     "limits": Limits(position={"panda_joint1": (-1.0, 1.0)}, velocity=2.0, acceleration=10.0, jerk=500.0, torque=200.0),
     "payload": Payload("panda_hand", 0.3),
@@ -93,17 +84,10 @@ def test_a_scene_with_everything_lacks_nothing(whole: tuple[Scene, Trajectory]) 
     assert found.certified, found.text
     assert certify(full, moved, required=0.0, check_ends=False).certified
     required = Certifier(Setup.of(full))._required
-    for name in (
-        "limits.torque",
-        "payload",
-        "attached.cup.mass",
-        "path.relative.position_tolerance",
-        "obstacles.timed.motion",
-        "self_collision",
-    ):
-        assert name in required
+    assert {"payload", "attached.cup.mass", "obstacles.timed.motion", "self_collision"} <= required
     assert {f"limits.{each.name}" for each in dataclasses.fields(Limits)} <= required
-    assert {f"path.{each}" for each in ("upright", "position", "relative.orientation_tolerance")} <= required
+    kept = "upright", "position", "relative.position_tolerance", "relative.orientation_tolerance"
+    assert {f"path.{each}" for each in kept} <= required
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -139,9 +123,7 @@ def test_shipped_scenes_lack_nothing(name: str) -> None:
     setup = Setup.of(shipped)
     start = setup.robot.configuration(shipped.start, shipped.from_request)
     rows = np.tile(start, (3, 1))
-    still = Trajectory(
-        setup.robot.joint_names, rows, times=[0.0, 1.0, 2.0], velocities=0 * rows, accelerations=0 * rows
-    )
+    still = Trajectory(setup.robot.joint_names, rows, {}, [0.0, 1.0, 2.0], 0 * rows, 0 * rows)
     assert Certifier(setup).certify(still).status.value == "wrong_ends"
 
 
@@ -175,11 +157,8 @@ def without_pairs(of: Callable[[Bodies, Pairs], Any]) -> Callable[[pytest.Monkey
 
 def at_rest(patch: pytest.MonkeyPatch) -> None:
     made = obstacle_bodies
-    patch.setattr(
-        certifier,
-        "obstacle_bodies",
-        lambda each: made(dataclasses.replace(each, motion=None) if each.name == "steady" else each),
-    )
+    still = lambda each: dataclasses.replace(each, motion=None) if each.name == "steady" else each  # noqa: E731
+    patch.setattr(certifier, "obstacle_bodies", lambda each: made(still(each)))
 
 
 def dropping(kind: type, method: str, change: Callable[[Any], Any]) -> Callable[[pytest.MonkeyPatch], None]:
@@ -240,7 +219,7 @@ FORGOTTEN: list[tuple[str, Callable[[pytest.MonkeyPatch], None]]] = [
 
 
 @pytest.mark.parametrize(("name", "forget"), FORGOTTEN, ids=[f"{i}-{name}" for i, (name, _) in enumerate(FORGOTTEN)])
-def test_what_a_check_leaves_out_is_named(
+def test_a_requirement_that_a_check_leaves_out_is_named(
     name: str,
     forget: Callable[[pytest.MonkeyPatch], None],
     whole: tuple[Scene, Trajectory],
@@ -250,9 +229,8 @@ def test_what_a_check_leaves_out_is_named(
     forget(monkeypatch)
     with pytest.raises(UncheckedError, match="no certificate: the scene requires") as error:
         Certifier(Setup.of(full)).certify(moved)
-    assert name in str(error.value).removeprefix("no certificate: the scene requires ").partition(", which")[0].split(
-        ", "
-    )
+    named = str(error.value).removeprefix("no certificate: the scene requires ").partition(", which")[0]
+    assert name in named.split(", ")
 
 
 def test_unrequested_checks_are_named_too(whole: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -265,11 +243,10 @@ def test_unrequested_checks_are_named_too(whole: tuple[Scene, Trajectory], monke
 def test_a_motion_that_is_not_free_is_not_judged_either(
     whole: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is missing fails for every motion, not only for one that would be certified."""
+    """A missing check fails for every motion, not only for one that would be certified."""
     _, moved = whole
-    met = scene(
-        obstacles=[Box([0.3, 0.3, 0.3], name="met", pose=[0.3, 0.0, 0.9])], limits=Limits(jerk=500.0, acceleration=10.0)
-    )
+    box = Box([0.3, 0.3, 0.3], name="met", pose=[0.3, 0.0, 0.9])
+    met = scene(obstacles=[box], limits=Limits(jerk=500.0, acceleration=10.0))
     assert not certify(met, moved).certified
     dropping(RateCheck, "check", fewer_uses)(monkeypatch)
     with pytest.raises(UncheckedError, match=r"limits\.jerk"):

@@ -25,6 +25,7 @@ from tests.loops import in_numpy, needs_loops
 
 LIMITS = hdplan.Limits(velocity=50.0, acceleration=1e5)
 TOOLS = {"panda": "panda_hand_tcp", "wheeled": "panda_hand_tcp", "ur5": "ee_link"}
+ANYWHERE = [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]  # of a robot alone
 READY = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.7])  # of a Panda
 
 
@@ -75,19 +76,14 @@ def values(check: PathCheck, held: Any, curve: Curve, spans: tuple[Any, Any, Any
 @pytest.mark.parametrize("name", TOOLS)
 @pytest.mark.parametrize("free", ["none", "y"])
 def test_bounds_hold_within_parts(name: str, free: str) -> None:
-    """On random parts of random motions along curves that have nothing to do with them, no value within a part exceeds
+    """Random motions have nothing to do with the curves: no value within a random part of a motion exceeds
     the part's bound; it is taken at the place at which u(t) is then."""
     rng = np.random.default_rng([3, len(name), len(free)])
     for _ in range(2):
         turns = Rotation.random(4, random_state=int(rng.integers(1 << 30)))
         turns = Rotation.from_rotvec(0.4 * turns.as_rotvec())
-        setup = setup_of(
-            name,
-            [hdplan.Pose(rng.uniform(-1, 1, 3), turn) for turn in turns.as_quat()],
-            free_rotation=free,
-            speed=1.0,
-            acceleration=1.0,
-        )
+        poses = [hdplan.Pose(rng.uniform(-1, 1, 3), turn) for turn in turns.as_quat()]
+        setup = setup_of(name, poses, free_rotation=free, speed=1.0, acceleration=1.0)
         check = PathCheck(setup, Chain.of(setup.robot.unfolded.model))
         motion = random_motion(rng, setup.robot.n)
         helds = list(check._along(motion, 4))
@@ -108,8 +104,7 @@ def test_bounds_hold_within_parts(name: str, free: str) -> None:
 @pytest.mark.parametrize("name", TOOLS)
 def test_rates_are_those_of_the_tool(name: str) -> None:
     rng = np.random.default_rng([5, len(name)])
-    poses = [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]
-    setup = setup_of(name, poses, speed=1.0, acceleration=1.0)
+    setup = setup_of(name, ANYWHERE, speed=1.0, acceleration=1.0)
     check = PathCheck(setup, Chain.of(setup.robot.unfolded.model))
     motion = random_motion(rng, setup.robot.n)
     assert motion.times is not None
@@ -132,18 +127,23 @@ def along(robot: hdplan.Robot, rng: Any, count: int = 41) -> tuple[Any, Any]:
     return rows, share
 
 
-def certified(setup: Setup, rows: Any, times: Any) -> hdplan.Certificate:
+def rated(rows: Any, times: Any) -> tuple[Any, Any, Any, Any]:
+    """The rows of a motion at rest at both ends: positions, times, velocities by differences, no accelerations."""
     speeds = np.gradient(rows, times, axis=0)
     speeds[[0, -1]] = 0.0
-    motion = Trajectory(setup.robot.joint_names, rows, setup.robot.locked, times, speeds, np.zeros_like(rows))
+    return rows, times, speeds, np.zeros_like(rows)
+
+
+def certified(setup: Setup, rows: Any, times: Any) -> hdplan.Certificate:
+    motion = Trajectory(setup.robot.joint_names, rows, setup.robot.locked, *rated(rows, times)[1:])
     return Certifier(setup).certify(motion, check_ends=False)
 
 
-def test_what_follows_is_certified_and_the_rest_is_not() -> None:
+def test_only_a_motion_that_follows_is_certified() -> None:
     """The same curve there, backwards, back and forth, left out in the middle, only half, off it in one row, turned in
     one row: only the first follows."""
     rng = np.random.default_rng(8)
-    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    robot = setup_of("panda", ANYWHERE).robot
     rows, _ = along(robot, rng)
     dense = np.array([np.interp(np.linspace(0, 40, 401), np.arange(41), column) for column in rows.T]).T
     poses = poses_of(*tool_poses(robot, dense, TOOLS["panda"]))
@@ -151,17 +151,11 @@ def test_what_follows_is_certified_and_the_rest_is_not() -> None:
     times = np.linspace(0.0, 8.0, len(rows))
     there = certified(setup, rows, times)
     assert there.certified, there.text
-    assert {"path.follow.position_tolerance", "path.follow.orientation_tolerance"} == {
-        each.field for each in there.path
-    }
-    back_and_forth = np.concatenate([rows[:25], rows[24:9:-1], rows[10:]])
-    bad = {
-        "backwards": rows[::-1],
-        "half": rows[:21],
-        "begins late": rows[5:],
-        "back and forth": back_and_forth,
-        "left out": np.concatenate([rows[:10], rows[30:]]),
-    }
+    fields = {each.field for each in there.path}
+    assert fields == {"path.follow.position_tolerance", "path.follow.orientation_tolerance"}
+    bad = {"backwards": rows[::-1], "half": rows[:21], "begins late": rows[5:]}
+    bad["back and forth"] = np.concatenate([rows[:25], rows[24:9:-1], rows[10:]])
+    bad["left out"] = np.concatenate([rows[:10], rows[30:]])
     for what, forged in bad.items():
         found = certified(setup, forged, np.linspace(0.0, 8.0, len(forged)))
         assert found.status is Status.OFF_PATH, what
@@ -172,7 +166,7 @@ def test_what_follows_is_certified_and_the_rest_is_not() -> None:
 
 
 def test_a_closed_curve_is_not_followed_by_standing_still() -> None:
-    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    robot = setup_of("panda", ANYWHERE).robot
     q = READY
     (place,), (turn,) = tool_poses(robot, q[None], TOOLS["panda"])
     ring = [place + [0.05 * np.sin(a), 0.05 * (1 - np.cos(a)), 0.0] for a in np.linspace(0, 2 * np.pi, 101)]
@@ -190,13 +184,12 @@ def test_certified_means_near_the_curve_all_along(seed: int) -> None:
     that never go back, by a search of its own (the discrete Fréchet distance)."""
     rng = np.random.default_rng([seed, 77])
     free = ["none", "z"][seed % 2]
-    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    robot = setup_of("panda", ANYWHERE).robot
     rows, _ = along(robot, rng)
     places, turns = tool_poses(robot, rows, TOOLS["panda"])
     far, angle = 3e-3, 0.03
-    setup = setup_of(
-        "panda", poses_of(places, turns), position_tolerance=far, orientation_tolerance=angle, free_rotation=free
-    )
+    within = {"position_tolerance": far, "orientation_tolerance": angle, "free_rotation": free}
+    setup = setup_of("panda", poses_of(places, turns), **within)
     times, verdicts = np.linspace(0.0, 8.0, len(rows)), []
     slerp = Slerp(np.arange(len(rows)), Rotation.from_matrix(turns))
     fine = np.linspace(0, len(rows) - 1, 4001)
@@ -207,9 +200,7 @@ def test_certified_means_near_the_curve_all_along(seed: int) -> None:
         verdicts.append(found.certified)
         if not found.certified:
             continue
-        speeds = np.gradient(moved, times, axis=0)
-        speeds[[0, -1]] = 0.0
-        curve = Curve.through(moved, times, speeds, np.zeros_like(moved))
+        curve = Curve.through(*rated(moved, times))
         at, turned = tool_poses(robot, curve.at_time(np.linspace(0.0, 8.0, 1001)), TOOLS["panda"])
         near = np.linalg.norm(at[:, None] - line[None], axis=2) <= far + 1e-5
         if free == "none":
@@ -228,7 +219,7 @@ def test_certified_means_near_the_curve_all_along(seed: int) -> None:
 
 
 def test_a_free_axis_leaves_that_turn_and_no_other() -> None:
-    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    robot = setup_of("panda", ANYWHERE).robot
     q = READY
     rows = np.tile(q, (31, 1))
     rows[:, 6] += np.linspace(0.0, 1.5, 31)  # about the hand's z axis, through the tool
@@ -241,14 +232,12 @@ def test_a_free_axis_leaves_that_turn_and_no_other() -> None:
 
 def test_speeds_of_a_tool_are_kept_or_refused() -> None:
     rng = np.random.default_rng(12)
-    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    robot = setup_of("panda", ANYWHERE).robot
     rows, _ = along(robot, rng)
     poses = poses_of(*tool_poses(robot, rows, TOOLS["panda"]))
     times = np.linspace(0.0, 8.0, len(rows))
     loose = {"position_tolerance": 0.05, "orientation_tolerance": 0.5}
-    speeds = np.gradient(rows, times, axis=0)
-    speeds[[0, -1]] = 0.0
-    curve = Curve.through(rows, times, speeds, np.zeros_like(rows))
+    curve = Curve.through(*rated(rows, times))
     clock = np.linspace(0.0, 8.0, 20001)
     places, _ = tool_poses(robot, curve.at_time(clock), TOOLS["panda"])
     v = np.gradient(places, clock, axis=0)
@@ -275,7 +264,7 @@ def test_a_way_beyond_the_radius_between_two_looks_has_its_speed_limited() -> No
     )
     assert looks.max() < 0.05
     assert fine.max() > 0.06
-    robot = setup_of("wheeled", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    robot = setup_of("wheeled", ANYWHERE).robot
     dense = motion.at_time(np.concatenate([np.linspace(0.0, 0.3, 601), np.linspace(0.3, 2.3, 41)[1:]]))
     poses = poses_of(*tool_poses(robot, dense, TOOLS["wheeled"]))
     setup = setup_of("wheeled", poses, position_tolerance=0.04, begin_tolerance=0.05, speed=0.2)
@@ -287,7 +276,7 @@ def test_a_way_beyond_the_radius_between_two_looks_has_its_speed_limited() -> No
 
 
 def test_bad_curves_are_refused() -> None:
-    one, half = hdplan.Pose([0, 0, 0]), hdplan.Pose.from_rpy([0, 0, 0], [3.1, 0, 0])
+    one, half = ANYWHERE[0], hdplan.Pose.from_rpy([0, 0, 0], [3.1, 0, 0])
     for poses, words in (
         ([one], "must be 2 to 20000 poses, found 1"),
         ([one, half], "turns by 3.1 rad from the pose before"),
@@ -295,7 +284,7 @@ def test_bad_curves_are_refused() -> None:
     ):
         with pytest.raises(InputError, match=words):
             hdplan.Follow("tool", poses)
-    setup = setup_of("panda", [one, hdplan.Pose([1, 0, 0])], speed=0.1)
+    setup = setup_of("panda", ANYWHERE, speed=0.1)
     slow = setup.changed(limits=hdplan.Limits(velocity=1.0))
     with pytest.raises(InputError, match=r"need limits\.acceleration"):
         Certifier(slow)
@@ -306,7 +295,7 @@ def test_bad_curves_are_refused() -> None:
 @needs_loops
 @pytest.mark.parametrize("axis", ["none", "z"])
 def test_places_in_c_are_those_in_numpy(axis: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Along random curves, of which some poses repeat and others turn back, near them and anywhere else."""
+    """Poses of the random curves repeat or turn back; places are near them and anywhere else."""
     robot, rng = hdplan.load_robot("panda"), np.random.default_rng(len(axis))
     for count in (2, 3, 40):
         turns = Rotation.from_rotvec(np.cumsum(rng.normal(scale=0.05, size=(count, 3)), axis=0))
@@ -337,7 +326,7 @@ def test_few_nodes_prove_what_many_do_and_more_are_taken_where_they_do_not() -> 
     """A tool that wheels bring along a line from rest to rest, in one interval, is not where it would be evenly."""
     begins = np.concatenate([np.zeros(3), READY])
     rows = np.stack([begins, begins + 0.2 * np.eye(10)[0]])
-    robot = setup_of("wheeled", [hdplan.Pose([k, 0, 0]) for k in range(2)]).robot
+    robot = setup_of("wheeled", ANYWHERE).robot
     line = poses_of(*tool_poses(robot, rows, TOOLS["wheeled"]))
     setup = setup_of("wheeled", line, position_tolerance=0.012, orientation_tolerance=1e-2)
     check, still = PathCheck(setup, Chain.of(setup.robot.model)), np.zeros((2, 10))
@@ -350,7 +339,7 @@ def test_few_nodes_prove_what_many_do_and_more_are_taken_where_they_do_not() -> 
 
 
 @pytest.mark.parametrize("fastest", [0.01, 0.03])
-def test_where_a_curve_turns_back_its_end_is_not_skipped(fastest: float) -> None:
+def test_the_end_of_a_curve_that_turns_back_is_not_skipped(fastest: float) -> None:
     """A link that turns to an angle and back is as near to the way back as to the way there, all along."""
     angles = np.concatenate([np.linspace(0.0, 0.5, 30), np.linspace(0.5, 0.0, 30)[1:]])
     turn = [Rotation.from_euler("z", angle) for angle in angles]

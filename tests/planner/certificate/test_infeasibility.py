@@ -38,9 +38,7 @@ def urdf(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def swapped(scene: Scene) -> Scene:
-    return dataclasses.replace(
-        scene, start=dataclasses.replace(scene.goal, field="start"), goal=dataclasses.replace(scene.start, field="goal")
-    )
+    return scene.with_start(scene.goal.positions).with_goal(scene.start.positions)
 
 
 @pytest.mark.sampled(7)
@@ -63,7 +61,7 @@ def test_a_plan_ends_with_the_proof(urdf: Path) -> None:
 
 
 def test_a_look_ends_between_its_parts_where_the_search_is_over(urdf: Path) -> None:
-    """And goes on there when there is time again: the proof is the same."""
+    """It goes on there when there is time again: the proof is the same."""
     scene, ended = crated(urdf, 0, 1.9 * RADIUS), [False, True, True]
     search: Any = Ending(Certifier(Setup.of(scene)), lambda: ended.pop(0) if ended else False)
     assert isinstance(scene.goal, JointTarget)
@@ -126,9 +124,8 @@ def test_the_end_of_the_reach_shuts_off() -> None:
 def test_a_cup_with_a_mouth(urdf: Path, tmp_path: Path, mouth: float, shut: bool) -> None:
     profile = [(0.0, 0.0), (0.15, 0.0), (0.15, 0.3), (mouth, 0.3), (mouth, 0.29), (0.14, 0.29), (0.14, 0.01), (0, 0.01)]
     cup = hdplan.Obstacle("cup", hdplan.Mesh(str(lathed(tmp_path, profile))), hdplan.Pose([0.0, 0.0, -0.2]))
-    scene = Scene(
-        name="cup", robot=hdplan.RobotSpec(urdf=str(urdf)), obstacles=(cup,), start=[0.0, 0.0, 0.3], goal=[0, 0, -0.1]
-    )
+    robot = hdplan.RobotSpec(urdf=urdf)
+    scene = Scene(robot=robot, obstacles=[cup], start=[0.0, 0.0, 0.3], goal=[0, 0, -0.1])
     assert bool(proven(scene)) == shut
     assert bool(proven(swapped(scene))) == shut
 
@@ -163,7 +160,7 @@ def test_goals_that_leave_a_choice(urdf: Path) -> None:
 @pytest.mark.sampled(7)
 @pytest.mark.parametrize("seed", range(14))
 def test_random_walls_are_as_a_dense_grid_says(urdf: Path, seed: int) -> None:
-    """Where a grid of places joins start and goal with room to spare nothing is proven; where it does not join them
+    """Nothing is proven where a grid of places joins start and goal with room to spare; where it does not join them
     even with less room than the ball needs, something is."""
     rng = np.random.default_rng(seed)
     boxes = partition(rng, rng.uniform(1.0, 1.9) if seed % 2 else rng.uniform(3.0, 4.0))
@@ -278,6 +275,5 @@ def test_a_ball_that_stays_in_place_proves_nothing(tmp_path: Path) -> None:
         joint_text("tilt", "hub", "arm", "0 1 0"),
     )
     box = hdplan.Obstacle("box", hdplan.Box([0.05, 0.05, 0.05]), hdplan.Pose([0.1, 0.0, 0.0]))
-    assert not proven(
-        Scene(name="crane", robot=hdplan.RobotSpec(urdf=urdf), obstacles=(box,), start=[1.5, 0.0], goal=[-1.5, 0.0])
-    )
+    robot = hdplan.RobotSpec(urdf=urdf)
+    assert not proven(Scene(robot=robot, obstacles=[box], start=[1.5, 0.0], goal=[-1.5, 0.0]))

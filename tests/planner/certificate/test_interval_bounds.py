@@ -72,9 +72,8 @@ def exact(certifier: Certifier, curve: Curve) -> np.ndarray:
     sweep, values = certifier.sweep, []
     for k in range(len(curve) - 1):
         for share in np.linspace(0, 1, LOOKS):
-            here = Intervals.of(
-                sweep.bodies, curve, sweep.bodies.reach(curve), np.full(1, k), np.full(1, share), np.zeros(1)
-            )
+            place = np.full(1, k), np.full(1, share), np.zeros(1)
+            here = Intervals.of(sweep.bodies, curve, sweep.bodies.reach(curve), *place)
             bounds = Bounds(sweep.bodies, sweep.pairs)
             items = Items.all(1, np.arange(len(sweep.pairs.a)))
             values.append(bounds.by_best_plane(here, items)[0])
@@ -135,7 +134,7 @@ def test_a_bound_over_all_is_no_better_than_over_one(assembled: LaidOut) -> None
 
 
 def test_balls_in_c_are_those_in_numpy(assembled: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also with what drifts, a body inside another's box, and a place that is not a number."""
+    """Some drift, one is inside another's box, and one place is not a number."""
     certifier, intervals, _ = assembled
     center, every = intervals.center.copy(), np.arange(len(certifier.sweep.bodies.bodies))
     center[intervals.row(2, every)] = center[intervals.row(2, 1)]
@@ -152,7 +151,7 @@ def test_balls_in_c_are_those_in_numpy(assembled: LaidOut, monkeypatch: pytest.M
     np.testing.assert_allclose(compiled[1][known], plain[1][known], rtol=0, atol=SAME)
 
 
-def test_what_stands_has_one_place_and_what_moves_is_where_it_is_alone(assembled: LaidOut) -> None:
+def test_a_still_body_has_one_place_and_a_moving_one_is_where_it_is_alone(assembled: LaidOut) -> None:
     certifier, intervals, curve = assembled
     bodies = certifier.sweep.bodies
     still = np.setdiff1d(np.arange(len(bodies.bodies)), bodies.moving)
@@ -176,9 +175,7 @@ def test_point_clouds_are_not_kept_once_their_scene_is_gone() -> None:
     scene, rng = load_scene("empty"), np.random.default_rng(4)
     robot, gone = load_scene_robot(scene), []
     for _ in range(3):
-        cloud = Obstacle(
-            "cloud", hdplan.Points(tuple(map(tuple, rng.normal(size=(30, 3)).tolist()))), Pose((2.0, 0.0, 2.0))
-        )
+        cloud = Obstacle("cloud", hdplan.Points(rng.normal(size=(30, 3))), Pose((2.0, 0.0, 2.0)))
         certifier = Certifier(Setup.of(dataclasses.replace(scene, obstacles=(cloud,)), robot))
         certifier.certify(hdplan.Trajectory(robot.joint_names, np.zeros((2, robot.n))), check_ends=False)
         gone.append(weakref.ref(certifier.sweep.bodies.pieces[-1]))

@@ -39,7 +39,7 @@ def test_nearest_is_the_least_of_all_pairs(name: str) -> None:
 
 
 def test_the_deepest_of_many_contacts_is_the_nearest() -> None:
-    """In a box that holds the centres of several links; at many configurations and times as at each alone."""
+    """A box holds the centres of several links; many configurations and times give what each alone does."""
     box = Obstacle("box", Box((0.8, 0.8, 0.8)), Pose((0.5, 0.2, 0.6)), motion=SteadyMotion((0.1, 0.0, 0.0)))
     scene = dataclasses.replace(load_scene("panda_cage"), obstacles=[box], timing=Timing(duration=4.0))
     certifier = Certifier(Setup.of(scene))

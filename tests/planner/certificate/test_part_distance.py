@@ -40,9 +40,8 @@ SAME = 2e-6  # [m] as exact as coal's directions are
 
 def to_segments(points: Array, a: Array, b: Array) -> Array:
     along = b - a
-    share = np.einsum("...i,...i->...", points - a, along) / np.maximum(
-        np.einsum("...i,...i->...", along, along), 1e-30
-    )
+    square = np.einsum("...i,...i->...", along, along)
+    share = np.einsum("...i,...i->...", points - a, along) / np.maximum(square, 1e-30)
     return np.linalg.norm(points - a - np.clip(share, 0.0, 1.0)[..., None] * along, axis=-1)
 
 
@@ -105,12 +104,9 @@ def extruded(outline: list[tuple[float, float]], height: float) -> trimesh.Trime
     """A wall along a line, and its upper rim: open, and not convex."""
     corners = np.array(outline)
     below, above = np.c_[corners, np.zeros(len(corners))], np.c_[corners, np.full(len(corners), height)]
-    faces = [
-        t
-        for i in range(len(corners))
-        for j in [(i + 1) % len(corners)]
-        for t in ([i, j, len(corners) + j], [i, len(corners) + j, len(corners) + i])
-    ]
+    i, count = np.arange(len(corners)), len(corners)
+    j = (i + 1) % count
+    faces = np.concatenate([np.c_[i, j, count + j], np.c_[i, count + j, count + i]])
     return trimesh.Trimesh(np.r_[below, above], faces, process=False)
 
 
@@ -227,7 +223,7 @@ def test_no_bound_is_above_the_distance_anywhere_on_the_interval(
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-def test_what_need_not_be_exact_is_still_no_more_than_the_distance(
+def test_a_bound_that_need_not_be_exact_is_still_no_more_than_the_distance(
     compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not compiled:

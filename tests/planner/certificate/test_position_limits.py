@@ -54,11 +54,9 @@ def test_a_curve_that_ends_on_its_limit_or_touches_it_is_within() -> None:
     there = Curve.through(np.stack([low, high]), np.array([0.0, 2.0]), rest, rest)
     assert beyond_limits(there, robot) is None
     # q = high − t² on [−1, 1]: it touches the limit in the middle, between two rows
-    touching = Curve.through(
-        np.stack([high - 1, high - 1]), np.array([-1.0, 1.0]), np.stack([rest[0] + 2, rest[0] - 2])
-    )
-    assert beyond_limits(touching, robot) is None
-    over = Curve.through(np.stack([high - 1 + 1e-8] * 2), np.array([-1.0, 1.0]), np.stack([rest[0] + 2, rest[0] - 2]))
+    times, rates = np.array([-1.0, 1.0]), np.stack([rest[0] + 2, rest[0] - 2])
+    assert beyond_limits(Curve.through(np.stack([high - 1] * 2), times, rates), robot) is None
+    over = Curve.through(np.stack([high - 1 + 1e-8] * 2), times, rates)
     assert "the curve after waypoint 0" in str(beyond_limits(over, robot))
 
 

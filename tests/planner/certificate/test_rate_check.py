@@ -33,9 +33,8 @@ def test_the_slope_of_steps_is_the_least_that_all_windows_keep() -> None:
     for _ in range(80):
         count = int(drawn.integers(2, 30))
         times = np.cumsum(drawn.uniform(1e-4, 1e-2, count))
-        steps = ROUNDING_JUMP * np.clip(
-            drawn.uniform(-1.0, 1.0, (count, 2)) + drawn.choice([-0.5, 0.0, 0.9]), -1.0, 1.0
-        )
+        steps = drawn.uniform(-1.0, 1.0, (count, 2)) + drawn.choice([-0.5, 0.0, 0.9])
+        steps = ROUNDING_JUMP * np.clip(steps, -1.0, 1.0)
         expected = [least_slope(column, times) for column in steps.T]
         np.testing.assert_allclose(slope_of_steps(steps, times), expected, rtol=EXACT)
         found += expected

@@ -97,7 +97,7 @@ def test_the_robot_is_placed_to_what_is_taken_off_wherever_it_is_not_refused(sli
 
 
 def test_moving_obstacles_are_placed_to_what_is_taken_off() -> None:
-    """As late as S T allows, on a line and on a turn; and a thousand times as late they are not."""
+    """They are, as late as S T allows, on a line and on a turn; a thousand times as late they are not."""
     rng = np.random.default_rng(4)
     worst, late = 0.0, 0.0
     for trial in range(200):
@@ -114,18 +114,15 @@ def test_moving_obstacles_are_placed_to_what_is_taken_off() -> None:
             turned = lever.astype(np.longdouble)
             if (size := np.sqrt((w * w).sum())) > 0:
                 axis, angle = w / size, size * t
-                turned = (
-                    turned * np.cos(angle)
-                    + np.cross(axis, turned) * np.sin(angle)
-                    + axis * (axis @ turned) * (1 - np.cos(angle))
-                )
+                along = axis * (axis @ turned)
+                turned = along + (turned - along) * np.cos(angle) + np.cross(axis, turned) * np.sin(angle)
             error = float(np.abs((found - (turned + t * velocity.astype(np.longdouble))).astype(np.float64)).max())
             worst, late = (max(worst, error), late) if kept else (worst, max(late, error))
     assert worst < ROUNDING < late
 
 
 def test_the_bounds_are_where_they_are_stated(slide: Scene) -> None:
-    """Just within them a motion is checked; just beyond, the error names the field, the value and what is allowed."""
+    """A motion just within them is checked; just beyond, the error names the field, the value and what is allowed."""
     far = MOST_TERM / PLACING
     still = Trajectory(("turn", "slide"), np.zeros((2, 2)))
     for share, kept in ((0.99, True), (1.01, False)):
@@ -140,9 +137,8 @@ def test_the_bounds_are_where_they_are_stated(slide: Scene) -> None:
         scene = replace(slide, obstacles=(mover,))
         timed = replace(still, times=np.array([0.0, share * latest]))
         if not kept:
-            with pytest.raises(
-                InputError, match=r"times: .* obstacles\.ball moves at up to 2 m/s, .* at most 7.04e\+04 s"
-            ):
+            words = r"times: .* obstacles\.ball moves at up to 2 m/s, .* at most 7.04e\+04 s"
+            with pytest.raises(InputError, match=words):
                 certify(scene, timed)
     assert MOTION > 0
 
@@ -153,14 +149,8 @@ REST = np.zeros((2, 2))
 
 
 def motion(**changed: Any) -> Trajectory:
-    given: dict[str, Any] = {
-        "positions": np.array([[0.0, 0.0], [0.5, 0.1]]),
-        "times": np.array([0.0, 1.0]),
-        "velocities": REST,
-        "accelerations": REST,
-    }
-    given |= changed
-    return Trajectory(("turn", "slide"), given.pop("positions"), {}, **given)
+    rest = {"times": np.array([0.0, 1.0]), "velocities": REST, "accelerations": REST}
+    return Trajectory(("turn", "slide"), **{"positions": np.array([[0.0, 0.0], [0.5, 0.1]]), **rest, **changed})
 
 
 @pytest.mark.parametrize(
@@ -200,12 +190,8 @@ WILD_OBSTACLES: dict[str, Callable[[], Obstacle]] = {
     "away": lambda: ball((9e5, 0.0, 0.0)),
     "hurled": lambda: ball((1.0, 1.0, 1.0), motion=SteadyMotion((9e5, 0.0, 0.0))),
     "fast": lambda: ball((1.0, 1.0, 1.0), motion=SteadyMotion((1e300, 0.0, 0.0))),
-    "spinning": lambda: ball(
-        (1.0, 1.0, 1.0), motion=SteadyMotion((0, 0, 0), (0.0, 1e300, 0.0)), shape=Box((1, 0.1, 0.1))
-    ),
-    "turning": lambda: ball(
-        (1.0, 1.0, 1.0), motion=SteadyMotion((0, 0, 0), (0.0, 0.0, 20.0)), shape=Box((1, 0.1, 0.1))
-    ),
+    "spinning": lambda: ball((1, 1, 1), motion=SteadyMotion((0, 0, 0), (0, 1e300, 0)), shape=Box((1, 0.1, 0.1))),
+    "turning": lambda: ball((1, 1, 1), motion=SteadyMotion((0, 0, 0), (0, 0, 20.0)), shape=Box((1, 0.1, 0.1))),
     "thrown": lambda: ball((1.0, 1.0, 1.0), motion=TimedPoses((0.0, 1e-300), (Pose((1, 1, 1)), Pose((2, 1, 1))))),
     "flickering": lambda: ball((1.0, 1.0, 1.0), motion=TimedPoses((0.0, 5e-324), (Pose((1, 1, 1)), Pose((2, 1, 1))))),
     "waiting": lambda: ball((1.0, 1.0, 1.0), motion=TimedPoses((1e300, 2e300), (Pose((1, 1, 1)), Pose((2, 1, 1))))),
@@ -216,13 +202,10 @@ WILD_OBSTACLES: dict[str, Callable[[], Obstacle]] = {
 @pytest.mark.parametrize("thing", WILD_OBSTACLES)
 @pytest.mark.parametrize("wild", [*WILD_MOTIONS, "tame"])
 def test_wild_numbers_are_refused_or_judged_and_never_overflow(wild: str, thing: str, slide: Scene) -> None:
-    """With limits of all kinds and a path constraint: an InputError, or a verdict whose numbers are numbers."""
-    scene = replace(
-        slide,
-        limits=Limits(velocity=1.0, acceleration=10.0, jerk=100.0, torque=100.0),
-        payload=Payload("tip", 1.0),
-        path=hdplan.PathConstraints(upright=Upright("tip", tolerance=0.5)),
-    )
+    """Limits of all kinds and a path constraint hold: an InputError, or a verdict whose numbers are numbers."""
+    limits = Limits(velocity=1.0, acceleration=10.0, jerk=100.0, torque=100.0)
+    path = hdplan.PathConstraints(upright=Upright("tip", tolerance=0.5))
+    scene = replace(slide, limits=limits, payload=Payload("tip", 1.0), path=path)
     refused = ""
     try:
         scene = replace(scene, obstacles=(WILD_OBSTACLES[thing](),))
@@ -246,11 +229,9 @@ def test_a_stretch_of_time_changes_no_verdict_about_places(slide: Scene) -> None
         statuses = set()
         for exponent in (-50, -9, 0, 9, 50):
             stretch = 10.0**exponent
-            rows = np.array([[0.0, 0.0], [end, 0.1]])
             rates = np.array([[0.1, 0.0], [0.0, 0.05]]) / stretch
-            found = certify(
-                scene, motion(positions=rows, times=np.array([0.0, stretch]), velocities=rates), check_ends=False
-            )
+            timed = {"times": np.array([0.0, stretch]), "velocities": rates}
+            found = certify(scene, motion(positions=np.array([[0, 0], [end, 0.1]]), **timed), check_ends=False)
             assert found.certified is free, found.text
             statuses.add((found.status, found.clearance))
         assert len(statuses) <= 2  # but for the last digit

@@ -42,23 +42,12 @@ def random_scene(seed: int, robot: str, home: list[float], **more: Any) -> tuple
         pose = Pose(place, turn / np.linalg.norm(turn))
         motion = hdplan.SteadyMotion(rng.uniform(-0.05, 0.05, 3), rng.uniform(-0.2, 0.2, 3)) if i % 2 else None
         obstacles.append(Obstacle(f"thing{i}", shape, pose, motion=motion, uncertainty=unknown))
-    scene = Scene(
-        robot=hdplan.RobotSpec(
-            name=robot,
-            tracking=Tracking(rng.uniform(0.0, 0.004, len(home)), 0.01),
-            calibration=Calibration(*rng.uniform(0.0, 0.004, 2)),
-            **more,
-        ),
-        obstacles=obstacles,
-        start=home,
-        goal=home,
-        timing=hdplan.Timing(duration=1.0),
-    )
-    loaded = Setup.of(scene).robot
-    rows = np.array(home) + np.concatenate(
-        [np.zeros((1, len(home))), np.cumsum(rng.uniform(-0.06, 0.06, (4, len(home))), 0)]
-    )
-    return scene, Trajectory(loaded.joint_names, rows, times=np.linspace(0.0, 1.0, 5))
+    tracking = Tracking(rng.uniform(0.0, 0.004, len(home)), 0.01)
+    sizes = {"tracking": tracking, "calibration": Calibration(*rng.uniform(0.0, 0.004, 2))}
+    spec, timing = hdplan.RobotSpec(name=robot, **sizes, **more), hdplan.Timing(duration=1.0)
+    scene = Scene(robot=spec, obstacles=obstacles, start=home, goal=home, timing=timing)
+    rows = home + np.cumsum([np.zeros(len(home)), *rng.uniform(-0.06, 0.06, (4, len(home)))], axis=0)
+    return scene, Trajectory(Setup.of(scene).robot.joint_names, rows, times=np.linspace(0.0, 1.0, 5))
 
 
 HOMES: dict[str, tuple[list[float], dict[str, Any]]] = {
@@ -104,8 +93,8 @@ def test_places_at_an_instant_are_those_of_an_interval_without_length(robot: str
 
 
 @pytest.mark.parametrize("robot", HOMES)
-def test_what_is_not_measured_is_proven_all_the_same(robot: str) -> None:
-    """Whether a motion keeps the required clearance does not depend on whether its clearance is measured; the measured
+def test_an_unmeasured_clearance_is_proven_all_the_same(robot: str) -> None:
+    """A motion keeps the required clearance whether or not its clearance is measured; the measured
     value is no more than the true one, and no less than required."""
     home, more = HOMES[robot]
     kept = refused = 0
@@ -119,9 +108,8 @@ def test_what_is_not_measured_is_proven_all_the_same(robot: str) -> None:
                 continue
             found = sweep.prove(motion.curve, floor, measured=False)
             whole = sweep.prove(motion.curve, floor)
-            assert {(each.interval, each.pair) for each in found.failures} == {
-                (each.interval, each.pair) for each in whole.failures
-            }, (seed, floor)
+            failed = [{(each.interval, each.pair) for each in x.failures} for x in (found, whole)]
+            assert failed[0] == failed[1], (seed, floor)
             assert found.whole
             kept, refused = kept + (not found.failures), refused + bool(found.failures)
             if not found.failures:
@@ -154,9 +142,8 @@ def test_sizes_of_zero_change_nothing_to_the_byte() -> None:
     assert none == scene
     one, other = hdplan.plan(scene), hdplan.plan(none)
     assert one.trajectory.positions.tobytes() == other.trajectory.positions.tobytes()
-    assert dataclasses.replace(one.certificate, seconds=0.0, prover=None) == dataclasses.replace(
-        other.certificate, seconds=0.0, prover=None
-    )
+    first, second = (dataclasses.replace(x.certificate, seconds=0.0, prover=None) for x in (one, other))
+    assert first == second
 
 
 def test_larger_sizes_prove_no_more() -> None:
@@ -200,7 +187,7 @@ def test_uncertain_moving_obstacles_are_compared_with_static_links() -> None:
 
 
 def test_a_stretch_that_cannot_be_proven_ends_soon() -> None:
-    """Where the nominal scene is free and not all its worlds are, halving would never end."""
+    """Halving would never end where the nominal scene is free and not all its worlds are."""
     scene = load_scene("panda_cage")
     motion = hdplan.plan(scene).trajectory
     found = hdplan.certify(sized(scene, tracking=Tracking(0.02)), motion)
@@ -231,40 +218,29 @@ def test_joints_keep_their_limits_with_what_they_may_be_off() -> None:
 def _narrow(off: float) -> None:
     from hdplan.planner.robot.scene_robot import _with_lag
 
-    robot = dataclasses.replace(
-        Setup.of(load_scene("empty")).robot,
-        joint_names=("a",),
-        lower=np.zeros(1),
-        upper=np.ones(1),
-        inner=np.zeros((2, 1)),
-    )
-    _with_lag(robot, (off,))
+    limits = {"lower": np.zeros(1), "upper": np.ones(1), "inner": np.zeros((2, 1))}
+    robot = Setup.of(load_scene("empty")).robot
+    _with_lag(dataclasses.replace(robot, joint_names=("a",), **limits), (off,))
 
 
 def test_an_end_at_which_all_is_lost_is_refused_with_its_millimetres() -> None:
     scene = sized(load_scene("panda_cage"), Uncertainty(0.05))
-    with pytest.raises(
-        hdplan.UnsolvableError, match=r"start: panda_\w+ and bar\d are [\d.]+ mm apart, and 50 mm are unknown"
-    ):
+    words = r"start: panda_\w+ and bar\d are [\d.]+ mm apart, and 50 mm are unknown"
+    with pytest.raises(hdplan.UnsolvableError, match=words):
         hdplan.plan(scene)
 
 
 @pytest.mark.parametrize("left", [0.3, 0.02, 0.002])
 def test_a_robot_that_stands_is_proven_as_long_as_nobody_can_have_come(left: float) -> None:
-    """However near who may walk is by then: where nothing moves, the time is divided all the same."""
+    """A person may be near by then: the time is divided all the same where nothing moves."""
     q = [0.3, 0.2]
-    alone = (
-        load_scene("planar_arm")
-        .with_start(q)
-        .with_goal(q)
-        .with_obstacles([Obstacle("ball", Sphere(0.1), [1.6, 1.0, 0.1])])
-    )
-    names = Setup.of(alone).robot.joint_names
-    none = np.zeros((3, 2))
+    ball = Obstacle("ball", Sphere(0.1), [1.6, 1.0, 0.1])
+    alone = load_scene("planar_arm").with_start(q).with_goal(q).with_obstacles([ball])
+    names, none = Setup.of(alone).robot.joint_names, np.zeros((3, 2))
     stands = Trajectory(names, np.tile(q, (3, 1)), {}, np.array([0.0, 1.0, 2.0]), none, none)
     apart = hdplan.certify(alone, stands).clearance
     assert apart is not None
-    walks = Obstacle("ball", Sphere(0.1), [1.6, 1.0, 0.1], uncertainty=Uncertainty(speed=(apart - left) / 2.0))
+    walks = dataclasses.replace(ball, uncertainty=Uncertainty(speed=(apart - left) / 2.0))
     found = hdplan.certify(alone.with_obstacles([walks]), stands)
     assert found.certified, found.text
     assert found.clearance is not None

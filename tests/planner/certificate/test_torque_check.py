@@ -78,7 +78,7 @@ def test_no_torque_changes_faster_than_its_bound(name: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", ["panda", "kinova", "planar", "sliding"])
-def test_what_is_proven_holds_at_every_moment(name: str, tmp_path: Path) -> None:
+def test_a_proven_torque_holds_at_every_moment(name: str, tmp_path: Path) -> None:
     robot, rng = _robot(name, tmp_path), np.random.default_rng(2)
     curve = _wild(robot, 7)
     interval = rng.integers(0, len(curve) - 1, 2000)
@@ -147,7 +147,7 @@ def test_a_path_without_velocities_has_no_torques() -> None:
 
 
 def test_cubic_rows_may_jump_in_acceleration() -> None:
-    """Where two cubics meet, the torque on either side counts."""
+    """The torque on either side counts where two cubics meet."""
     robot = _robot("planar", Path())
     rows, rates = np.array([[0.0, 0], [0.1, 0.1], [0.0, 0]]), np.zeros((3, 2))
     curve = Curve.through(rows, np.array([0.0, 0.2, 0.3]), rates)
@@ -169,7 +169,7 @@ def test_loads_count() -> None:
 
 @pytest.mark.parametrize("end", ["start", "goal"])
 def test_a_motion_that_begins_or_ends_at_speed_needs_an_infinite_torque(end: str) -> None:
-    """Whatever the limits; and a motion that rests at both ends needs none. The jump counts as in the rates."""
+    """No limit allows it, and a motion that rests at both ends needs none. The jump counts as in the rates."""
     start, goal = ([turn, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785] for turn in (0.0, 0.3))
     scene = Scene(robot="panda", start=start, goal=goal, limits=Limits(torque=1e6))
     for speed, abrupt in ((0.0, False), (1e-3, True), (0.5, True)):

@@ -1,4 +1,4 @@
-"""A Panda among random obstacles, and the certificate of what it did there."""
+"""A Panda among random obstacles, the certificate of its motion there, and an arm for loops."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from hdplan.planner.control.rollout import Run
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
 
 READY = read_only(np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]))
@@ -42,3 +43,24 @@ def certificate(scene: Scene, robot: Robot, run: Run, timed: bool = False) -> Ce
     """The certificate of the commanded positions, with or without their times."""
     motion = Trajectory(robot.joint_names, run.positions, robot.locked, run.times if timed else None)
     return Certifier(Setup.of(scene, robot)).certify(motion, check_ends=False)
+
+
+class FakeArm:
+    """An arm that is where it was sent, one period later on its own clock."""
+
+    def __init__(self, names: tuple[str, ...], at: Array, period: float) -> None:
+        self.joint_names, self.period, self.now, self.stopped = names, period, 0.0, False
+        self.q, self.v = at.copy(), np.zeros_like(at)
+
+    def time(self) -> float:
+        return self.now
+
+    def state(self) -> tuple[Array, Array]:
+        return self.q, self.v
+
+    def send(self, position: Array, velocity: Array) -> None:
+        assert not self.stopped
+        self.q, self.v, self.now = position.copy(), velocity.copy(), self.now + self.period
+
+    def stop(self) -> None:
+        self.stopped = True

@@ -13,16 +13,17 @@ from hdplan import control
 from hdplan.scenes.array_types import Array
 from tests.planner.replanning.driving import AtOnce, limited
 
+from .rooms import FakeArm
+
 STEP = 0.004  # [s] of the arm that a step takes, mostly
 
 
-class Clocked:
-    """An arm that goes where it is sent, and whose clock advances with each reading, or stands still."""
+class Clocked(FakeArm):
+    """An arm whose clock advances with each reading, or stands still."""
 
     def __init__(self, names: tuple[str, ...], at: Array) -> None:
-        self.joint_names, self.period, self.now, self.due = names, 0.002, 0.0, 0.0
-        self.q, self.v, self.goes_on = at.copy(), np.zeros_like(at), False
-        self.stopped, self.ticks = False, threading.Condition()
+        super().__init__(names, at, 0.002)
+        self.due, self.goes_on, self.ticks = 0.0, False, threading.Condition()
         self.sent: list[tuple[float, Array, Array]] = []
 
     def time(self) -> float:
@@ -32,17 +33,12 @@ class Clocked:
                 self.ticks.notify_all()
         return self.now
 
-    def state(self) -> tuple[Array, Array]:
-        return self.q, self.v
-
     def send(self, position: Array, velocity: Array) -> None:
         self.sent.append((self.now, position.copy(), velocity.copy()))
+        before = self.now
+        super().send(position, velocity)
         self.due += self.period
-        self.now = max(self.now, self.due)
-        self.q, self.v = position.copy(), velocity.copy()
-
-    def stop(self) -> None:
-        self.stopped = True
+        self.now = max(before, self.due)
 
 
 def test_references_go_on_while_a_step_computes_and_commands_that_come_too_late_are_passed_over() -> None:

@@ -23,6 +23,8 @@ from hdplan.scenes.array_types import Array
 from tests.extras import mujoco, needs
 from tests.planner.replanning.driving import AtOnce
 
+from .rooms import FakeArm
+
 pytestmark = needs("mujoco")
 
 LIMITS = hdplan.Limits(velocity="urdf", acceleration=7.5, jerk=500)
@@ -146,29 +148,20 @@ def test_a_model_file_executes_and_is_held_against_the_robot(
     assert "\n" not in str(caught.value)
 
 
-class Faulty:
-    """An arm that goes where it is sent, until something is wrong with it."""
+class Faulty(FakeArm):
+    """An arm with which something is wrong after a while."""
 
     def __init__(self, names: tuple[str, ...], at: Array, fault: float | BaseException, after: int = 20) -> None:
-        self.joint_names, self.period, self.fault, self.left = names, 0.01, fault, after
-        self.q, self.v, self.now, self.stopped = at.copy(), np.zeros_like(at), 0.0, False
-
-    def time(self) -> float:
-        return self.now
-
-    def state(self) -> tuple[Array, Array]:
-        return self.q, self.v
+        super().__init__(names, at, 0.01)
+        self.fault, self.left = fault, after
 
     def send(self, position: Array, velocity: Array) -> None:
-        assert not self.stopped
-        self.q, self.v, self.now, self.left = position.copy(), velocity, self.now + self.period, self.left - 1
+        super().send(position, velocity)
+        self.left -= 1
         if self.left <= 0:
             if isinstance(self.fault, BaseException):
                 raise self.fault
             self.q[2] += self.fault
-
-    def stop(self) -> None:
-        self.stopped = True
 
 
 @pytest.mark.parametrize("fault", [np.nan, 0.2, -np.inf])

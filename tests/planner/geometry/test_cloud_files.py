@@ -118,7 +118,7 @@ def test_all_formats_are_tried() -> None:
 
 
 def test_a_file_cut_anywhere_is_refused_in_one_line(tmp_path: Path, written: tuple[str, bytes]) -> None:
-    """Of a text of numbers only a line that is cut between two of them can be seen."""
+    """A text of numbers shows a cut only in a line that ends between two of them."""
     ending, data = written
     rng = np.random.default_rng(0)
     file = tmp_path / f"scan.{ending}"
@@ -222,7 +222,7 @@ def test_cells_hold_every_point_once_within_cubes(points: Array) -> None:
 
 @pytest.mark.parametrize("edge", [0.1, 1e-9])
 def test_points_of_one_cube_keep_their_order_and_cubes_come_by_place(edge: float) -> None:
-    """However many cubes there are: few fit into one number with the points', many do not."""
+    """Few cubes fit into one number with the points', many do not."""
     points = np.concatenate([POINTS, POINTS[::-1]])
     order, first = grouped(points, edge)
     low, size = points.min(axis=0), max(edge, np.ptp(points, axis=0).max() / (2**20 - 1))

@@ -59,7 +59,7 @@ def test_a_plane_is_covered_without_holes_whatever_its_inclination(seed: int) ->
 
 
 def test_neighbours_are_of_one_surface_up_to_an_inclination_against_the_ray() -> None:
-    """Also at the picture's edge, where the ray is far from the picture's axis."""
+    """The law holds at the picture's edge, too, where the ray is far from the picture's axis."""
     rng, focal = np.random.default_rng(79), 500.0
     for i in range(400):
         s, t = rng.uniform(-0.9, 0.9, 2)
@@ -92,7 +92,7 @@ def test_across_an_edge_nothing_is_seen() -> None:
     assert not ((found[:, 2] > 1.05) & (found[:, 2] < 1.95)).any()
 
 
-def test_what_was_not_seen_is_no_obstacle_and_the_range_is_kept() -> None:
+def test_an_unseen_pixel_is_no_obstacle_and_the_range_is_kept() -> None:
     image = np.full(SHAPE, 1.0)
     image[0], image[1], image[2], image[3] = 0.0, np.nan, 5.0, 0.05
     assert len(balls(image)) == 56 * 80
@@ -106,13 +106,10 @@ def test_radius_is_added_and_files_are_read_alike(tmp_path: Path) -> None:
     np.testing.assert_allclose(more.array, expected.array + [0.0, 0.0, 0.0, 0.01])
     np.savez(tmp_path / "view.npz", depth=image.astype(np.uint16), color=np.zeros((3, 3)))
     np.save(tmp_path / "view.npy", image.astype(np.float32))
-    names = ["view.npz", "view.npy"]
     pillow = pytest.importorskip("PIL.Image")
     pillow.fromarray(image.astype(np.uint16)).save(tmp_path / "view.png")
-    for name in [*names, "view.png"]:
-        np.testing.assert_array_equal(
-            balls_in(read_cloud(Cloud(DepthImage(tmp_path / name, CAMERA)), "")).array, expected.array
-        )
+    for name in ("view.npz", "view.npy", "view.png"):
+        assert balls_in(read_cloud(Cloud(DepthImage(tmp_path / name, CAMERA)), "")) == expected
     data = (tmp_path / "view.png").read_bytes()
     for cut in (0, 10, len(data) // 2, len(data) - 13):
         (tmp_path / "cut.png").write_bytes(data[:cut])
@@ -123,7 +120,7 @@ def test_radius_is_added_and_files_are_read_alike(tmp_path: Path) -> None:
         balls_in(read_cloud(Cloud(DepthImage(tmp_path / "color.png", CAMERA)), "obstacles.view"))
 
 
-def test_in_a_scene_file_and_back(tmp_path: Path) -> None:
+def test_a_depth_image_goes_into_a_scene_file_and_back(tmp_path: Path) -> None:
     np.save(tmp_path / "view.npy", np.full((2, 3), 1000, np.uint16))
     file = tmp_path / "scene.yaml"
     depth = "{file: view.npy, intrinsics: [100, 100, 1, 0.5], scale: 0.002, range: [0.2, 4], voxel: 0.1}"
@@ -132,12 +129,8 @@ def test_in_a_scene_file_and_back(tmp_path: Path) -> None:
     scene = load_scene(file)
     read = DepthImage(tmp_path / "view.npy", (100, 100, 1, 0.5), 0.002, (0.2, 4.0))
     assert scene.obstacles[0].shape == Cloud(read, voxel=0.1)
-    held = Scene(
-        robot="panda",
-        obstacles=[Cloud(DepthImage([[1.0, 2.0]], CAMERA), 0.01, name="view")],
-        start="default",
-        goal="default",
-    )
+    view = Cloud(DepthImage([[1.0, 2.0]], CAMERA), 0.01, name="view")
+    held = Scene(robot="panda", obstacles=[view], start="default", goal="default")
     for each in (scene, held):
         each.save(tmp_path / "saved.yaml")
         assert load_scene(tmp_path / "saved.yaml") == each
@@ -147,18 +140,14 @@ def test_a_wall_that_a_camera_sees_is_planned_around() -> None:
     """The camera hangs above the robot's goal and looks down on a table."""
     looking_down = [0.5, 0.0, 1.2], [1.0, 0.0, 0.0, 0.0]
     image = np.full((120, 160), 1.1)
-    view = Cloud(
-        DepthImage(image, (150.0, 150.0, 79.5, 59.5), scale=1.0), name="view", pose=hdplan.Pose(*looking_down),
-        ignore_robot=0.02,
-    )  # fmt: skip
+    seen = DepthImage(image, (150.0, 150.0, 79.5, 59.5), scale=1.0)
+    view = Cloud(seen, name="view", pose=hdplan.Pose(*looking_down), ignore_robot=0.02)
     scene = Scene(robot="panda", obstacles=[view], start="default", goal=[0.5, 0.2, 0.0, -2.0, 0.0, 2.2, 0.8])
     result = hdplan.plan(scene)
     assert result.certified
     table = hdplan.Box([1.0, 0.8, 0.002], pose=[0.5, 0.0, 0.099])
-    solid = hdplan.certify(
-        Scene(robot="panda", obstacles=[table], start="default", goal=scene.goal), result.trajectory, required=0.0
-    )
-    assert solid.certified
+    solid = Scene(robot="panda", obstacles=[table], start="default", goal=scene.goal)
+    assert hdplan.certify(solid, result.trajectory, required=0.0).certified
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from hdplan.planner.geometry.meshes import load_mesh
 from tests.planner.geometry.other_readers import SAME, apart, by_assimp, by_trimesh
 
 KINDS = {"<i1": 5120, "<u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
+TYPES = {1: "SCALAR", 3: "VEC3"}
 QUANTIZED = "KHR_mesh_quantization"
 
 
@@ -73,11 +74,7 @@ class Writer:
         stride = -(-rows.dtype.itemsize * size // 4) * 4 + 4 * int(self.rng.integers(0, 3)) if size == 3 else 0
         spread = size == 3 and (self.rng.random() < 0.4 or rows.dtype.itemsize < 4)
         stored = rows.copy()
-        found: dict[str, Any] = {
-            "componentType": KINDS[kind],
-            "count": len(rows),
-            "type": {1: "SCALAR", 3: "VEC3"}[size],
-        }
+        found: dict[str, Any] = {"componentType": KINDS[kind], "count": len(rows), "type": TYPES[size]}
         if sparse := bool(size == 3 and self.rng.random() < 0.1):
             self.odd.add("sparse")
             changed = np.sort(self.rng.permutation(len(rows))[: self.rng.integers(1, len(rows))])
@@ -252,7 +249,7 @@ def spoil(top: dict[str, Any], rng: np.random.Generator) -> None:
 
 
 def test_spoilt_files_are_refused_or_read_as_others_read_them(tmp_path: Path) -> None:
-    """Whatever is changed: refused in one line, or no change to the geometry, or the change that others see, too."""
+    """A change is refused in one line, or changes no geometry, or others see the same change."""
     counts = Counter[str]()
     for seed in range(800):
         made = Writer(np.random.default_rng(seed % 200))
@@ -332,10 +329,7 @@ def put(*keys: Any) -> Callable[[dict[str, Any]], None]:
         (put("meshes", 0, "primitives", 0, "targets", []), "has morph targets"),
         (put("meshes", 0, "primitives", 0, "mode", 7), "mode is 7; 0 to 6 are known"),
         (put("meshes", 0, "primitives", 0, "attributes", {}), "has no POSITION"),
-        (
-            put("meshes", 0, "primitives", 0, "attributes", {"POSITION": 0, "POS": 0}),
-            "the attribute 'POS' is not known",
-        ),
+        (put("meshes", 0, "primitives", 0, "attributes", {"POSITION": 0, "POS": 0}), "'POS' is not known"),
         (put("accessors", 0, "componentType", 5122), r"componentType is 5122 \(allowed here: 5126\)"),
         (put("accessors", 0, "type", "VEC4"), "type is 'VEC4'; VEC3 is needed"),
         (put("accessors", 0, "normalized", True), "normalized is True, of componentType 5126"),
@@ -372,7 +366,7 @@ def put(*keys: Any) -> Callable[[dict[str, Any]], None]:
         (put("scenes", [{}]), "is empty, it holds no triangles"),
     ],
 )
-def test_what_is_not_read_is_refused_by_name(
+def test_unsupported_content_is_refused_by_name(
     tmp_path: Path, change: Callable[[dict[str, Any]], None], words: str
 ) -> None:
     path, top = tmp_path / "a.gltf", plain()
@@ -437,7 +431,7 @@ def test_a_buffer_beside_a_file_belongs_to_it(tmp_path: Path) -> None:
 
 
 def test_quantized_points_are_what_their_type_says(tmp_path: Path) -> None:
-    """Of whole numbers as they are, and normalized: the least of a signed type stands for -1, too."""
+    """Whole numbers stand as they are, or normalized: the least of a signed type stands for -1, too."""
     for normalized, expected in ((False, [-32768, 32767, 100]), (True, [-1.0, 1.0, 100 / 32767])):
         top, rows = plain(), np.array([[-32768, 32767, 100], [1, 0, 0], [0, 1, 0]], dtype="<i2")
         top["extensionsRequired"] = [QUANTIZED]

@@ -111,11 +111,7 @@ def ply(*lines: str, head: str = "ascii", vertex: str = "", rows: str = "0 0 0\n
         ("off", OFF.replace("1 0 0\n", "1 0 0 1\n"), "line 4: '1 0 0 1': a vertex of OFF has 3 numbers"),
         ("off", OFF.replace("3 0 1 3", "3 0 1 3 9 9"), "line 8: .* a face of 3 vertices and a colour"),
         ("off", OFF.replace("3 0 1 3", "2 0 1"), "line 8: '2 0 1': a face has at least 3 vertices"),
-        (
-            "ply",
-            ply("element trifans 1", "property list int int vertex_indices", rows=""),
-            "element 'trifans' is not read",
-        ),
+        ("ply", ply("element trifans 1", "property list int int vertex_indices", rows=""), "'trifans' is not read"),
         ("ply", ply(vertex="property float w", rows=""), "element 'vertex': the property 'w' is not known"),
         ("ply", ply("property list uchar int more", rows=""), "element 'face': the property 'more' is not known"),
         ("ply", ply("property double vertex_index", rows=""), "'face': does not have exactly one list of whole"),
@@ -127,7 +123,7 @@ def ply(*lines: str, head: str = "ascii", vertex: str = "", rows: str = "0 0 0\n
         ("ply", ply().replace("ascii 1.0", "ascii 2.0"), "line 2: .* not a line of a PLY header"),
     ],
 )
-def test_what_is_not_known_is_refused_by_name(ending: str, content: str, words: str, tmp_path: Path) -> None:
+def test_unknown_lines_of_a_mesh_are_refused_by_name(ending: str, content: str, words: str, tmp_path: Path) -> None:
     (tmp_path / f"a.{ending}").write_bytes(content.encode())
     with pytest.raises(InputError, match=words):
         read_mesh_file(tmp_path / f"a.{ending}")
@@ -150,7 +146,7 @@ def test_bytes_of_a_ply_are_all_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("head", ["ascii", "binary_little_endian", "binary_big_endian"])
 def test_strips_of_a_ply_turn_every_second_triangle_and_restart_after_minus_one(head: str, tmp_path: Path) -> None:
-    """Against the rule, corner by corner, and against Assimp, which reads one list of strips and no faces beside it."""
+    """Judges are the rule, corner by corner, and Assimp, which reads one list of strips and no faces beside it."""
     path = tmp_path / "a.ply"
     for seed in range(12):
         rng = np.random.default_rng(seed)

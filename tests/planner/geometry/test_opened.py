@@ -57,29 +57,18 @@ def folder(tmp_path: Path) -> Path:
 
 
 def scene_of(folder: Path) -> Scene:
-    shapes = {
-        "ring": Mesh(folder / "ring.stl"),
-        "cloud": Cloud(folder / "points.npy", 0.01, ignore_robot=0.001),
-        "view": Cloud(hdplan.DepthImage(folder / "image.npy", (50.0, 50.0, 2.0, 2.0), scale=1.0)),
-        "grid": Voxels(folder / "grid.npy", 0.05),
-    }
-    places = ((0.0, 1.5, 0.0), (0.0, -1.5, 0.0), (-1.5, 0.0, -2.0), (0.0, 1.5, 0.5))
-    return Scene(
-        "all",
-        folder / "all.yaml",
-        RobotSpec(urdf=folder / "arm.urdf"),
-        (
-            *(Obstacle(name, shape, Pose(at)) for (name, shape), at in zip(shapes.items(), places, strict=True)),
-            Obstacle(
-                "comes", Mesh(folder / "bar.stl", 0.5), Pose((0.0, 2.0, 0.0)), motion=hdplan.SteadyMotion((0.01, 0, 0))
-            ),
-        ),
-        JointTarget("start", (-0.4,)),
-        JointTarget("goal", (0.4,)),
-        attached=(Attached("held", "bar", Mesh(folder / "ring.stl"), Pose((1.1, 0.0, 0.0))),),
-        timing=Timing(duration=2.0),
-        planner=hdplan.PlannerSettings(link_bodies="box"),
+    image = hdplan.DepthImage(folder / "image.npy", (50.0, 50.0, 2.0, 2.0), scale=1.0)
+    coming = {"pose": Pose((0.0, 2.0, 0.0)), "motion": hdplan.SteadyMotion((0.01, 0, 0))}
+    obstacles = (
+        Obstacle("ring", Mesh(folder / "ring.stl"), Pose((0.0, 1.5, 0.0))),
+        Obstacle("cloud", Cloud(folder / "points.npy", 0.01, ignore_robot=0.001), Pose((0.0, -1.5, 0.0))),
+        Obstacle("view", Cloud(image), Pose((-1.5, 0.0, -2.0))),
+        Obstacle("grid", Voxels(folder / "grid.npy", 0.05), Pose((0.0, 1.5, 0.5))),
+        Obstacle("comes", Mesh(folder / "bar.stl", 0.5), **coming),
     )
+    held = Attached("held", "bar", Mesh(folder / "ring.stl"), Pose((1.1, 0.0, 0.0)))
+    more = {"timing": Timing(duration=2.0), "planner": hdplan.PlannerSettings(link_bodies="box"), "attached": (held,)}
+    return Scene("all", folder / "all.yaml", RobotSpec(urdf=folder / "arm.urdf"), obstacles, [-0.4], [0.4], **more)
 
 
 def test_a_setup_needs_no_file_after_it_is_built(folder: Path) -> None:
@@ -148,7 +137,7 @@ def test_a_file_of_the_same_size_and_time_is_another_one(folder: Path) -> None:
         assert lengths() == [length, length]
 
 
-def test_what_was_not_read_is_refused(folder: Path) -> None:
+def test_an_unread_obstacle_is_refused(folder: Path) -> None:
     for obstacle in scene_of(folder).obstacles:
         with pytest.raises((TypeError, HdplanError), match=r"read before|is not supported|no map"):
             obstacle_bodies(obstacle)

@@ -44,7 +44,7 @@ def test_splines_are_those_of_scipy_and_end_where_their_control_points_do(count:
 
 
 def test_the_cheapest_way_is_that_of_every_order_of_relaxation() -> None:
-    """Against Floyd and Warshall's rule, on small graphs, some of which have parts that nothing connects."""
+    """Floyd and Warshall's rule is the judge, on small graphs, some of which have parts that nothing connects."""
     rng = np.random.default_rng(3)
     for count in range(2, 40):
         pairs = np.array([(i, j) for i in range(count) for j in range(i) if rng.uniform() < 0.3 or (i, j) == (1, 0)])

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import hdplan
-from hdplan import Scene, StageMark, Trajectory
+from hdplan import JobResult, Scene, StageMark, Trajectory
 from hdplan.planner.job.proof import prove_certified
 from hdplan.scenes.yaml_format.reader import shipped_jobs
 from hdplan.verify.balls import RejectedError
@@ -277,15 +277,14 @@ def tool_places(motion: Trajectory, first: int, last: int, each: int = 60) -> tu
     return times, places_at(hdplan.load_robot("panda"), TOOL, motion, times)[0]
 
 
-@pytest.mark.sampled(3)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.sampled(6)
+@pytest.mark.parametrize("seed", range(6))
 def test_no_peak_of_speed_between_rows_is_accepted(files: Files, tmp_path: Path, seed: int) -> None:
     """A velocity that is changed in one row of two makes a peak somewhere between them: the check misses it in no part
     of an interval. Every accepted motion is slow enough at 60 places of each interval."""
     scene, motion, data = files
     rng, rows = np.random.default_rng(seed), marks(motion)
-    accepted = rejected = 0
-    for i in range(4):
+    for i in range(2):
         made = Trajectory.load(motion)
         row = int(rng.integers(rows["over"] + 1, rows["open"] - 1))
         assert made.velocities is not None
@@ -300,11 +299,9 @@ def test_no_peak_of_speed_between_rows_is_accepted(files: Files, tmp_path: Path,
         try:
             for part in parts:
                 check_follow(World(part.reading.world, {}), part.reading.world["path"][0])
-            accepted += 1
-            assert fastest <= SPEED * (1 + 1e-5)
         except RejectedError:
-            rejected += 1
-    assert accepted + rejected == 4
+            continue
+        assert fastest <= SPEED * (1 + 1e-5)
 
 
 def test_a_curve_is_followed_to_its_end_and_never_back(files: Files) -> None:
@@ -398,13 +395,13 @@ def test_arcs_are_circles(seed: int) -> None:
     assert off == pytest.approx(radius, abs=1e-9)
 
 
-@pytest.mark.sampled(3)
-@pytest.mark.parametrize(
-    "name", [pytest.param(x, marks=[pytest.mark.slow] * (x == "baxter_handover")) for x in sorted(shipped_jobs())]
-)  # what goes from hand to hand has its own laws in `test_held_proofs`
-def test_shipped_jobs_have_proofs(name: str, tmp_path: Path) -> None:
+QUICKLY = "panda_pick_place"  # which is planned anyway
+
+
+@pytest.mark.parametrize("name", [pytest.param(x, marks=[pytest.mark.slow] * (x != QUICKLY)) for x in shipped_jobs()])
+def test_shipped_jobs_have_proofs(name: str, planned: JobResult, tmp_path: Path) -> None:
     """The proofs of `hdplan plan NAME -o job.json --proof job.proof`, on a machine that may be busy."""
-    result = hdplan.plan_job(hdplan.load_scene(name), time_limit=600.0)
+    result = planned if name == QUICKLY else hdplan.plan_job(hdplan.load_scene(name), time_limit=600.0)
     assert result.certified, result.text
     result.save(tmp_path / "job.json")
     proof = prove_certified(result.certificate, name, tmp_path / "job.json")

@@ -16,16 +16,6 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
 
 
-@pytest.fixture(scope="module")
-def scene() -> Scene:
-    return hdplan.load_scene("panda_pick_place")
-
-
-@pytest.fixture(scope="module")
-def planned(scene: Scene) -> JobResult:
-    return hdplan.plan_job(scene)
-
-
 def test_each_stage_is_no_closer_than_it_is_proven(scene: Scene, planned: JobResult) -> None:
     """Pairs that may touch in a stage are not compared in it; the whole job succeeds."""
     done = replay_job(scene, planned.trajectory)

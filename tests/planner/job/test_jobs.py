@@ -26,18 +26,6 @@ FINGER = "panda_finger_joint1"
 HAND = ["panda_leftfinger", "panda_rightfinger"]
 
 
-@pytest.fixture(scope="module")
-def scene() -> Scene:
-    return hdplan.load_scene("panda_pick_place")
-
-
-@pytest.fixture(scope="module")
-def planned(scene: Scene) -> JobResult:
-    found = hdplan.plan_job(scene)
-    assert found.certified, found.text
-    return found
-
-
 def with_stages(scene: Scene, *changes: tuple[int, dict[str, Any]], more: tuple[Any, ...] = ()) -> Scene:
     assert scene.job is not None
     stages = list(scene.job.stages)

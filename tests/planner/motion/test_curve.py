@@ -123,7 +123,7 @@ def test_jumps_are_reported() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_what_rows_say_does_not_jump_however_close_they_lie(seed: int) -> None:
+def test_rates_of_rows_do_not_jump_however_close_they_lie(seed: int) -> None:
     times, *values = rows(seed)
     close = times[0] + (times - times[0]) * 1e-4
     rated = [value * scale for value, scale in zip(values, (1.0, 1e4, 1e8), strict=True)]

@@ -71,7 +71,7 @@ def test_paths_keep_every_bit_and_have_no_times(tmp_path: Path, ending: str) -> 
 
 @pytest.mark.parametrize("count", range(3))
 def test_times_between_nanoseconds_are_read_off_the_same_motion(count: int) -> None:
-    """And once they are whole, nothing moves any more."""
+    """Nothing moves any more once they are whole."""
     for seed in range(15):
         before = random_motion(seed, count)
         before = replace(before, times=np.cumsum(np.random.default_rng(seed).uniform(0.01, 0.1, len(before))))
@@ -90,7 +90,7 @@ def test_times_between_nanoseconds_are_read_off_the_same_motion(count: int) -> N
 
 @pytest.mark.parametrize("rate", [100, 333, 700, 997])
 def test_rounding_takes_no_more_of_a_limit_than_the_margin_that_is_left(rate: int) -> None:
-    """Of velocity, acceleration and jerk the retimer leaves a millionth (`retiming.MARGIN`). Rows that were kept while
+    """The retimer leaves a millionth of velocity, acceleration and jerk (`retiming.MARGIN`). Rows that were kept while
     their times moved would take a thousand times as much."""
     scene = load_scene("ur5_pallet")
     robot = load_scene_robot(scene)
@@ -223,7 +223,7 @@ points:
 
 
 @pytest.mark.parametrize("name", ["m.yaml", "m.yml", "M.YAML", "m.joint_trajectory.yaml"])
-def test_what_ros2_topic_echo_prints_is_read(tmp_path: Path, name: str) -> None:
+def test_the_print_of_ros2_topic_echo_is_read(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text(ECHO)
     motion = Trajectory.load(tmp_path / name)
     assert motion.joint_names == ("a", "b")
@@ -244,7 +244,7 @@ def test_ros_1_counts_secs_and_nsecs(tmp_path: Path) -> None:
 @pytest.mark.core
 @pytest.mark.parametrize("ending", ROS)
 def test_a_file_that_was_cut_off_is_refused(tmp_path: Path, ending: str) -> None:
-    """Wherever it was cut: never read as a shorter motion."""
+    """It is never read as a shorter motion."""
     before = random_motion(11)
     before.save(tmp_path / f"whole{ending}")
     data = (tmp_path / f"whole{ending}").read_bytes()
@@ -363,7 +363,7 @@ def test_more_rows_than_yaml_is_read_of_are_refused(tmp_path: Path) -> None:
 def test_a_motion_too_long_for_its_file_is_refused_before_it_is_planned(
     tmp_path: Path, ending: str, joints: int
 ) -> None:
-    """In the words that the writer has for it."""
+    """The words are those of the writer."""
     most, file = 1_000_000 // (3 * joints + 16), tmp_path / f"m{ending}"
     check_length(file, most, joints)
     if not ending.endswith(".yaml"):
@@ -387,7 +387,7 @@ def test_the_ending_says_which_message(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_without_the_libraries_a_bag_is_refused_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bag_is_refused_at_once_without_the_libraries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     motion = random_motion(23)
     motion.save(tmp_path / "m.mcap")
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)

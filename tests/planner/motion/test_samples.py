@@ -91,7 +91,7 @@ def test_a_link_is_not_placed_by_joints_that_move_elsewhere() -> None:
         both.sampled(10.0).poses(robot, "panda_leftfinger")
 
 
-def test_what_has_no_answer_is_refused() -> None:
+def test_times_rates_and_links_without_an_answer_are_refused() -> None:
     given = motion(9)
     assert given.times is not None
     for wrong in (given.times[0] - 1e-6, given.times[-1] + 1e-6, np.nan, np.inf, "soon", [0.0, None]):

@@ -62,7 +62,7 @@ def test_an_archive_is_proven_where_it_is_unpacked(result: PlanResult, tmp_path:
     assert "planar_arm.urdf has to be where it was" in (folder / "README.txt").read_text()
 
 
-def test_what_is_not_proven_is_not_packed(result: PlanResult) -> None:
+def test_an_unproven_motion_is_not_packed(result: PlanResult) -> None:
     """An obstacle in the way, a motion that ends elsewhere, a mesh that is gone."""
     scene = load_scene("planar_arm")
     ball, prism = scene.obstacles

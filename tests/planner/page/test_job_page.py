@@ -37,19 +37,14 @@ def shown() -> ShownJob:
     robot = hdplan.load_robot("panda")
     start = {x: robot.named_states["default"][x] for x in robot.joint_names} | FINGERS
     scene = hdplan.Scene(
-        robot="panda",
-        start=start,
-        limits=hdplan.Limits(acceleration=4.0),
-        attached=[block],
-        obstacles=[box],
-        job=job,
+        robot="panda", start=start, limits=hdplan.Limits(acceleration=4.0), attached=[block], obstacles=[box], job=job
     )
     result = hdplan.plan_job(scene)
     assert result.certified, result.text
     return ShownJob(scene, result.trajectory, result.certificate)
 
 
-def test_what_is_held_moves_with_the_hand_and_stays_where_it_is_let_go(shown: ShownJob) -> None:
+def test_a_held_object_moves_with_the_hand_and_stays_where_it_is_released(shown: ShownJob) -> None:
     setup, stages = shown.setup, shown.certificate.stages
     (block,) = [each for each in setup.scene.obstacles if each.name == "block"]
 
@@ -73,7 +68,7 @@ def test_a_stage_too_short_to_be_drawn_is_passed_over(shown: ShownJob, monkeypat
     np.testing.assert_array_equal(rough.motion.clearance, shown.motion.clearance[[0, -1]])
 
 
-def test_what_is_close_is_that_of_the_stage(shown: ShownJob) -> None:
+def test_the_closest_pair_is_that_of_the_stage(shown: ShownJob) -> None:
     """Nothing that may touch, and never closer than is proven; while fingers move, of the arm too."""
     ends = [stage.begins for stage in shown.certificate.stages]
     for stage, proven in zip(shown.stages, shown.certificate.stages, strict=True):

@@ -253,7 +253,7 @@ def pose_at(obstacle: Obstacle, seconds: float) -> Pose:
     return Pose(tuple(matrix[:3, 3].tolist()), tuple(Rotation.from_matrix(matrix[:3, :3]).as_quat().tolist()))
 
 
-def test_what_is_drawn_of_a_motion_is_the_curve(crossed: tuple[Certifier, Trajectory]) -> None:
+def test_the_drawn_motion_is_the_curve(crossed: tuple[Certifier, Trajectory]) -> None:
     """Velocities, accelerations and torques are those of the executed curve, and the certificate's bound holds them."""
     from hdplan.planner.pictures.quantities import rates
 

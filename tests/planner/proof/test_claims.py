@@ -265,7 +265,7 @@ def test_an_upright_axis_is_a_unit_vector(size: float, good: bool) -> None:
         assert len(bonds_of_path(world, path, lambda: True)) == 1
 
 
-def test_who_is_held_without_a_mass_is_named_where_torques_are_limited(tmp_path: Path) -> None:
+def test_an_object_held_without_a_mass_is_named_where_torques_are_limited(tmp_path: Path) -> None:
     home = [0.5, -1.2, 1.5, -1.8, -1.57, 0.0]
     for mass, torque, named in ((None, "urdf", True), (0.5, "urdf", False), (None, None, False)):
         held = [hdplan.Attached("box", "wrist_3_link", Box([0.02] * 3), [0.0, 0.0, 0.1], mass=mass)]

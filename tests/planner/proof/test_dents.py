@@ -23,7 +23,7 @@ from hdplan.verify.scene import hull
 from hdplan.verify.world import Piece, World
 
 from .forging import files
-from .worlds import packed, unpacked
+from .worlds import bare, packed, unpacked
 
 Random = np.random.Generator
 Data = dict[str, Any]
@@ -34,14 +34,10 @@ def frame(turn: Rotation, at: Any, off: float) -> dict[str, Any]:
 
 
 STILL = frame(Rotation.identity(), [0.0] * 3, 0.0)
-QUAD = [[0, 1, 2], [0, 2, 3]]
 
 
 def mesh(points: Any, triangles: Any, off: float = 0.0) -> Data:
-    return {
-        "points": np.asarray(points, dtype=float).tolist(), "parts": np.asarray(triangles).tolist(),
-        "sweep": [[0.0] * 3], "off": off,
-    }  # fmt: skip
+    return {**hull(np.asarray(points, dtype=float).tolist()), "parts": np.asarray(triangles).tolist(), "off": off}
 
 
 def body(name: str, kind: str, shape: Data, place: Data = STILL) -> Data:
@@ -50,15 +46,9 @@ def body(name: str, kind: str, shape: Data, place: Data = STILL) -> Data:
 
 def world(*bodies: Data, groups: int = 2) -> World:
     """Bodies of which the held ones slide a little, every mesh in several groups of triangles."""
-    joint = {"name": "j", "parent": -1, "kind": "prismatic", **STILL, "axis": [1.0, 0.0, 0.0], "follows": None}
-    content = {
-        "hdplan_world": 3, "joints": [joint], "held": {}, "links": {}, "bodies": [*bodies], "tracks": [],
-        "not_compared": [], "clearances": {"obstacles": 0.0, "own": {}, "self": 0.0}, "limits": {}, "path": [],
-        "motion": {"rule": "linear", "times": None, "positions": [[0.0], [2.0**-20]]},
-        "start": [], "goal": [], "duration": None, "also": [],
-    }  # fmt: skip
-    meshes = {str(i): len(x["shape"]["parts"]) for i, x in enumerate(bodies) if x["shape"]["parts"]}
-    return World(content, {key: np.arange(count) % groups for key, count in meshes.items()})
+    counts = {str(i): len(x["shape"]["parts"]) for i, x in enumerate(bodies) if x["shape"]["parts"]}
+    cuts = {key: np.arange(count) % groups for key, count in counts.items()}
+    return World(bare([*bodies], [[0.0], [2.0**-20]]), cuts)
 
 
 def dot_at(point: Any) -> Data:
@@ -108,7 +98,7 @@ def hit(p: list[int], n: list[int], triangle: list[list[int]]) -> bool:
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_ray_is_taken_only_where_it_misses_every_triangle(seed: int) -> None:
-    """Of random triangles, some slivers, in whole numbers; and it is taken wherever it clearly misses."""
+    """Random triangles, some of them slivers, in whole numbers; a ray is taken wherever it clearly misses."""
     rng = np.random.default_rng(seed)
     taken = refused = 0
     for _ in range(60):
@@ -251,7 +241,7 @@ CASES: dict[str, Data] = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_what_stays_in_a_dent_is_proven_and_other_rays_are_rejected(name: str, tmp_path: Path) -> None:
+def test_a_body_in_a_dent_is_proven_and_other_rays_are_rejected(name: str, tmp_path: Path) -> None:
     """The hulls of the two are never apart."""
     open_box(tmp_path)
     timed = {"times": [0, 1, 2], "velocities": [[0]] * 3} if "timing" in CASES[name] else {}
@@ -274,7 +264,7 @@ def test_what_stays_in_a_dent_is_proven_and_other_rays_are_rejected(name: str, t
 
 
 def test_a_ball_in_a_closed_box_has_no_proof(tmp_path: Path) -> None:
-    """Of two walls, or one."""
+    """The box has two walls, or one."""
     open_box(tmp_path, closed=True)
     for scene in (CASES["a held ball in an open box"], CASES["a held open box around a ball"]):
         given = files(tmp_path, scene, SMALL, ARM)

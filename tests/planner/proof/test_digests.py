@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import copy
-import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,12 +13,15 @@ import hdplan
 from hdplan.verify import RejectedError
 from hdplan.verify.compare import check_equal, digest
 from hdplan.verify.reading import read_world
-from tests.planner.proof.worlds import packed, unpacked, words_of
+
+from .forging import put
+from .worlds import packed, scene_files, unpacked, words_of
 
 ROBOT = """<robot name="r"><link name="a"/><link name="b"><collision><geometry><mesh filename="b.stl"/></geometry>
 </collision></link><joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
 <limit lower="-3" upper="3" effort="9" velocity="2"/></joint></robot>"""
 ENDS = {"start": {"joints": [0.0]}, "goal": {"joints": [1.0]}}
+SHAPE = ("bodies", 0, "shape")
 BOX = {"name": "o", "shape": {"type": "box", "size": [0.1, 0.1, 0.1]}, "pose": {"position": [0.0, 0.0, 2.0]}}
 
 
@@ -28,12 +29,9 @@ BOX = {"name": "o", "shape": {"type": "box", "size": [0.1, 0.1, 0.1]}, "pose": {
 def files(tmp_path: Path) -> tuple[Path, Path]:
     """A robot of one mesh under a box, and a motion."""
     trimesh.creation.box([0.4, 0.1, 0.1]).export(tmp_path / "b.stl")
-    (tmp_path / "r.urdf").write_text(ROBOT)
-    scene = {"hdplan": 1, "robot": {"urdf": "r.urdf"}, "obstacles": [BOX], **ENDS}
-    (tmp_path / "s.yaml").write_text(json.dumps(scene))
-    motion = {"hdplan_trajectory": 1, "joint_names": ["j"], "positions": [[0.0], [1.0]]}
-    (tmp_path / "m.json").write_text(json.dumps(motion))
-    return tmp_path / "s.yaml", tmp_path / "m.json"
+    scene = {"robot": {"urdf": "r.urdf"}, "obstacles": [BOX], **ENDS}
+    motion = {"joint_names": ["j"], "positions": [[0.0], [1.0]]}
+    return scene_files(tmp_path, scene, motion, {"r.urdf": ROBOT})
 
 
 def test_a_mesh_by_its_digest(files: tuple[Path, Path]) -> None:
@@ -48,24 +46,22 @@ def test_a_mesh_by_its_digest(files: tuple[Path, Path]) -> None:
         shape[change][3][1] += 1
         for other in (shape, digest(shape)):
             with pytest.raises(RejectedError, match="the worlds differ: bodies"):
-                words_of(*files, packed(head, _with(world, other), rest))
+                words_of(*files, packed(head, put(world, *SHAPE, to=other), rest))
     whole = world["bodies"][0]["shape"]["sha256"]
     for wrong in (whole.upper(), whole[:-1], None, [whole], ""):
         with pytest.raises(RejectedError):
-            words_of(*files, packed(head, _with(world, {"sha256": wrong}), rest))
+            words_of(*files, packed(head, put(world, *SHAPE, to={"sha256": wrong}), rest))
     for more in ({"off": 1.0}, {"points": []}, {"type": "box"}):
         with pytest.raises(RejectedError):
-            words_of(*files, packed(head, _with(world, {"sha256": whole, **more}), rest))
+            words_of(*files, packed(head, put(world, *SHAPE, to={"sha256": whole, **more}), rest))
 
 
 def test_a_digest_stands_for_meshes_alone(files: tuple[Path, Path]) -> None:
-    """What the proof alone could say has no digest: neither a cloud nor a box is one."""
+    """Shapes that the proof alone could give have no digest: neither a cloud nor a box is one."""
     read = read_world(*files).world
     for place in (1, 0):
-        world = copy.deepcopy(read)
-        world["bodies"][place]["shape"] = {"sha256": "0" * 64}
         with pytest.raises(RejectedError, match="the worlds differ: bodies"):
-            check_equal(read, world)
+            check_equal(read, put(read, "bodies", place, "shape", to={"sha256": "0" * 64}))
 
 
 def test_digests_tell_meshes_apart() -> None:
@@ -81,7 +77,7 @@ def test_digests_tell_meshes_apart() -> None:
 
 
 def test_files_that_change_are_read_again(files: tuple[Path, Path]) -> None:
-    """In one process: what is kept of a file is kept of its content, not of its name, and nobody can change it."""
+    """A process keeps what it parsed by a file's content, not by its name, and nobody can change it."""
     first = read_world(*files).world
     kept = copy.deepcopy(first)
     with pytest.raises(ValueError, match="read-only"):
@@ -94,9 +90,3 @@ def test_files_that_change_are_read_again(files: tuple[Path, Path]) -> None:
     assert np.abs(np.array(found)).max() == np.float32(0.3)
     (folder / "r.urdf").write_text(ROBOT.replace('upper="3"', 'upper="2"'))
     assert read_world(*files).world["limits"]["position"] == [[-3.0, 2.0]]
-
-
-def _with(world: dict[str, Any], shape: Any) -> dict[str, Any]:
-    other = copy.deepcopy(world)
-    other["bodies"][0]["shape"] = shape
-    return other

@@ -207,7 +207,7 @@ def changes(value: Any) -> list[Any]:
 
 @pytest.mark.parametrize("each", [3, pytest.param(1, marks=pytest.mark.slow)])
 def test_every_other_value_anywhere_in_a_world_is_a_difference_there(honest: Honest, each: int) -> None:
-    """By default every third of the other values, of every place."""
+    """Every third of the other values is tried by default, at every place."""
     _, world, *_ = honest
     check_equal(world, copy.deepcopy(world))
     count = 0
@@ -290,7 +290,7 @@ TIP = '<link name="tip"/><joint name="t" type="fixed"><parent link="hand"/><chil
 def test_no_name_stands_for_two_obstacles_or_for_two_of_links_and_held_objects(
     kind: str, name: str, tmp_path: Path
 ) -> None:
-    """Nor for a link that has no geometry; whoever writes the world."""
+    """A link without geometry has a name, too; whoever writes the world."""
     scene: Data = {"obstacles": [BALL], "attached": [TOOL]}
     urdf = URDF.replace("</robot>", TIP)
     honest = read_world(*files(tmp_path, scene, {}, urdf)).world
@@ -307,7 +307,7 @@ def test_no_name_stands_for_two_obstacles_or_for_two_of_links_and_held_objects(
 
 @pytest.mark.parametrize("robot", [{"locked": {"g": -50}}, {"locked": {"g": 2.11}}, {"locked": {"g": -2.11}}, {}])
 def test_a_joint_that_is_held_far_beyond_its_limits_is_refused(robot: Data, tmp_path: Path) -> None:
-    """Wherever the scene says so."""
+    """Several sections of a scene may hold it there."""
     start = {"start": {"joints": {"a": 0, "b": 0, "g": 2.11}}} if not robot else {}
     with pytest.raises(RejectedError, match=r"joint 'g' is held at .*, more than 0\.1 beyond its limits"):
         read_world(*files(tmp_path, {"robot": {**ROBOT, **robot}, **start}))

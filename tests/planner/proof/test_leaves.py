@@ -37,7 +37,7 @@ def grown(rng: np.random.Generator, depth: int = 0) -> Iterator[int]:
         yield depth
 
 
-def test_random_trees() -> None:
+def test_random_trees_have_the_leaves_of_a_walk() -> None:
     """Every tree has the leaves of a walk through it, also beside others; a changed one covers only if it is a tree."""
     rng, trees, changed = np.random.default_rng(0), 0, 0
     for _ in range(60):
@@ -67,14 +67,14 @@ def test_random_trees() -> None:
 @pytest.mark.parametrize(
     "depths", [[], [1], [1, 2], [0, 0], [0] * 9, [1, 1, 1], [2, 1, 2], [DEEPEST] * 4, [1, 2, 2, DEEPEST]]
 )
-def test_no_cover(depths: list[int]) -> None:
+def test_depths_that_make_no_tree_are_no_cover(depths: list[int]) -> None:
     """Gaps, more than the whole and leaves that begin where none of their length does are no cover."""
     counts = np.array([1, len(depths), 1])
     _, _, whole = leaves(counts, np.array([0, *depths, 0], dtype=np.int64), 2**20)
     assert whole.tolist() == [True, False, True]
 
 
-def test_too_deep() -> None:
+def test_leaves_too_deep_or_too_short_are_refused() -> None:
     """Leaves that are deeper than numbers are exact, or shorter than an interval may be, are refused."""
     for deep in (DEEPEST + 1, 63, 64, 255):
         with pytest.raises(RejectedError, match="too deep"):

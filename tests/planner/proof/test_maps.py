@@ -34,7 +34,7 @@ def read(kind: str, section: dict[str, Any], claimed: Any, folder: Path = Path()
 
 @pytest.mark.parametrize("seed", range(6))
 def test_boxes_of_a_grid_are_just_its_cells(seed: int, tmp_path: Path) -> None:
-    """However they are put together; one left out, one more, two that overlap, one that is moved are none."""
+    """Cells may be put together anyhow; no box may be missing, added, moved or overlap another one."""
     grid, size, origin = random_grid(seed) != 0, 0.013 * (seed + 1), [0.3, -1.7, 0.1 * seed]
     np.save(tmp_path / "a.npy", grid)
     np.savez(tmp_path / "b.npz", occupied=grid.astype(np.float32), other=np.zeros(3))
@@ -49,21 +49,10 @@ def test_boxes_of_a_grid_are_just_its_cells(seed: int, tmp_path: Path) -> None:
             assert found["off"] < 1e-12
     low = single[0]
     empty = np.argwhere(~grid)[:1]
-    forged = [
-        expected[8:],
-        cells[:-8],
-        np.concatenate([expected, expected[:8]]),
-        expected + 0.4 * size,
-        expected + size,
-        expected[::-1],
-    ]
+    twice, moved = np.concatenate([expected, expected[:8]]), np.arange(len(expected))[:, None] == 3
+    forged = [expected[8:], cells[:-8], twice, expected + 0.4 * size, expected + size, expected[::-1]]
     forged += [np.concatenate([cells, corners(np.hstack([origin + size * empty, origin + size * (empty + 1)]))])]
-    forged += [
-        expected[:-1],
-        expected[:0],
-        expected * [1, 1, -1],
-        np.where(np.arange(len(expected))[:, None] == 3, expected + 1e-4, expected),
-    ]
+    forged += [expected[:-1], expected[:0], expected * [1, 1, -1], np.where(moved, expected + 1e-4, expected)]
     forged += [np.concatenate([cells, corners(np.hstack([origin + size * low, origin + size * low])[None])])]
     for each in forged:
         with pytest.raises(RejectedError):
@@ -95,7 +84,7 @@ def test_octomaps_are_read_as_the_planner_reads_them(kind: str, unknown: str, tm
 
 
 def test_scenes_with_maps_are_accepted_whole(tmp_path: Path) -> None:
-    """And not with a box less."""
+    """A box less is rejected."""
     grid = np.zeros((4, 3, 2), int)
     grid[1:, :2] = 1
     far = [[9, 9, 9], [9, 9, 9.5]]

@@ -29,7 +29,7 @@ def test_a_cage_is_divided_into_its_bars_which_stay_whole(count: int) -> None:
         assert divided(groups, group, triangles) is None
 
 
-def test_of_more_bars_than_that_none_is_cut() -> None:
+def test_no_bar_of_a_larger_cage_is_cut() -> None:
     triangles = boxes(MOST_SURFACES + 20)
     groups = np.zeros(len(triangles), dtype=np.int64)
     while True:

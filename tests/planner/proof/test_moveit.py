@@ -111,7 +111,7 @@ def test_a_request_is_proven_and_verified(original: Proven, tmp_path: Path) -> N
 
 
 def test_a_robot_beside_a_scene_of_hdplans_takes_the_place_of_its_own(tmp_path: Path) -> None:
-    """As for every other command."""
+    """The same holds for every other command."""
     scene, motion, _, robot = written(tmp_path)
     ends = {"start": {"joints": [0.1, 0.2, 0.1]}, "goal": {"joints": [0.4, 0.5, 0]}}
     scene.write_text(json.dumps({"hdplan": 1, "robot": {"name": "panda"}, **ends}))

@@ -49,8 +49,8 @@ def test_constraints_are_read_as_hdplan_reads_them(name: str, tmp_path: Path) ->
 
 
 def test_an_axis_a_little_off_the_vertical_is_kept_within_moveits_tolerances() -> None:
-    """However a link is turned whose axis is as far from up or down as a world allows, MoveIt's angles, intrinsic about
-    x, y and z, are within the tolerance; and little is given away."""
+    """A link's axis is as far from up or down as a world allows: MoveIt's angles, intrinsic about x, y and z, are
+    within the tolerance, however it turns; and little is given away."""
     rng, frames = np.random.default_rng(0), SimpleNamespace(of=lambda *_: HERE)
     for _ in range(300):
         free, most = str(rng.choice(["x", "z"])), rng.uniform(0.02, 1.4, 3)

@@ -37,7 +37,7 @@ OLD_TEXT = "\n* ball; 1; sphere; 0.1; -1.5 0.1 0.4; 0 0 0 1; 0 0 0 0; .\n".repla
 
 @pytest.mark.parametrize("text", [TEXT, OLD_TEXT, "empty\n.\n"])
 def test_objects_that_rviz_exports_are_a_scene(text: str, tmp_path: Path) -> None:
-    """And with another word they have hdplan's world, or one of both refuses."""
+    """Their text with another word has hdplan's world, or one of both refuses it."""
     cell = written(tmp_path)
     cell = cell._replace(scene=cell.scene.rename(tmp_path / "cell.scene"))
     cell.scene.write_text(text)
@@ -126,7 +126,7 @@ def change(rng: np.random.Generator, content: Data) -> None:
 
 @pytest.mark.parametrize("count", [60, pytest.param(200, marks=pytest.mark.slow)])
 def test_changed_files_have_hdplans_world_or_one_of_both_refuses(tmp_path: Path, count: int) -> None:
-    """Whatever is changed; and the old proof is accepted for them only where hdplan plans in the same world."""
+    """The old proof is accepted for them only where hdplan plans in the same world."""
     rng, cell = np.random.default_rng(0), written(tmp_path)
     proof = cell.prove().data
     world = unpacked(proof)[1]

@@ -75,7 +75,7 @@ def test_the_motion_of_an_obstacle_is_not_that_of_a_link_of_its_name(name: str, 
 
 
 def test_statements_on_links_are_refused_for_obstacles(tmp_path: Path) -> None:
-    """In a world that anyone may write."""
+    """Anyone may write such a world."""
     world = read_world(*files(tmp_path, {})).world
     for pair in (["base", "o"], ["fore", "o"], ["o", "o"]):
         for reason in ("robot.ignore_pairs", "moving as one", "both stand still"):
@@ -91,7 +91,7 @@ def test_statements_on_links_are_refused_for_obstacles(tmp_path: Path) -> None:
 
 
 def test_a_held_object_and_an_obstacle_have_two_names(tmp_path: Path) -> None:
-    """As hdplan wants it."""
+    """hdplan demands the same."""
     given = files(tmp_path, {"attached": [TOOL], "obstacles": [{**BALL, "name": "tool"}]})
     with pytest.raises(hdplan.InputError, match="the name 'tool' is taken by an obstacle"):
         hdplan.load_scene(given[0])
@@ -99,7 +99,7 @@ def test_a_held_object_and_an_obstacle_have_two_names(tmp_path: Path) -> None:
         read_world(*given)
 
 
-def test_what_the_checker_takes_from_the_proof_is_not_another_body_s(tmp_path: Path) -> None:
+def test_a_shape_taken_from_the_proof_is_not_another_body_s(tmp_path: Path) -> None:
     """A cloud of a link's name: its balls, not the link's shape."""
     (tmp_path / "v.laz").write_bytes(b"a kind that is not read")
     cloud = {"name": "fore", "cloud": {"file": "v.laz", "radius": 0.1}, "pose": {"position": [1.5, 0, 0.3]}}
@@ -115,7 +115,7 @@ def test_what_the_checker_takes_from_the_proof_is_not_another_body_s(tmp_path: P
 
 @pytest.mark.parametrize("seed", range(6))
 def test_random_worlds_are_the_same_with_names_of_links(seed: int, tmp_path: Path) -> None:
-    """For hdplan, too."""
+    """hdplan's worlds are the same, too."""
     if not write(np.random.default_rng(seed), tmp_path):
         return
     scene, motion = tmp_path / "scene.yaml", tmp_path / "motion.json"
@@ -134,7 +134,7 @@ def test_random_worlds_are_the_same_with_names_of_links(seed: int, tmp_path: Pat
 
 
 def test_a_motion_beside_obstacles_named_as_links_is_proven(tmp_path: Path) -> None:
-    """As in scenes that others have made."""
+    """Scenes that others have made have such names."""
     table = {"shape": {"type": "box", "size": [1, 1, 0.02]}, "pose": {"position": [0, 0, -0.02]}}
     post = {"shape": {"type": "box", "size": [0.05, 0.05, 1]}, "pose": {"position": [0.5, 0.5, 0.5]}}
     scene = {"obstacles": [{"name": "base", **table}, {"name": "fore", **post}], "self_collision": False}

@@ -119,7 +119,7 @@ def test_a_joint_that_passes_its_limit_between_rows_is_beyond_it(over: float, tm
 
 @pytest.mark.parametrize("rule", ['<mimic joint="pan"/>', ""])
 @pytest.mark.parametrize("seed", range(6))
-def test_what_is_held_or_follows_does_so_between_rows_too(rule: str, seed: int, tmp_path: Path) -> None:
+def test_joints_are_held_or_follow_between_rows_too(rule: str, seed: int, tmp_path: Path) -> None:
     """Rates that are as good as none swing a joint far if rows are hours apart."""
     rng = np.random.default_rng(seed)
     arm = ARM.replace('<axis xyz="0 1 0"/>', f'<axis xyz="0 1 0"/>{rule}')

@@ -16,11 +16,12 @@ import pytest
 import hdplan
 from hdplan.planner.geometry.cloud_files import read_points
 from hdplan.planner.proof.world import world_of
-from hdplan.planner.robot.setup import Setup
 from hdplan.verify.balls import RejectedError, rejecting
 from hdplan.verify.compare import check_equal, plain
 from hdplan.verify.point_files import KINDS, table
 from hdplan.verify.reading import read_world
+
+from .worlds import saved
 
 Points = np.ndarray[Any, Any]
 
@@ -45,17 +46,14 @@ def xyz(rng: np.random.Generator) -> bytes:
 def ply(rng: np.random.Generator) -> bytes:
     order, sign = [("ascii", "="), ("binary_little_endian", "<"), ("binary_big_endian", ">")][rng.integers(3)]
     name, kind = [("float", "f4"), ("double", "f8"), ("float32", "f4")][rng.integers(3)]
-    rows = np.empty(
-        60, [("red", "u1"), ("y", sign + kind), ("x", sign + kind), ("label", sign + "i2"), ("z", sign + kind)]
-    )
+    columns = ("red", "u1"), ("y", sign + kind), ("x", sign + kind), ("label", sign + "i2"), ("z", sign + kind)
+    rows = np.empty(60, [*columns])
     rows["red"], rows["label"] = rng.integers(0, 255, 60), rng.integers(-9, 9, 60)
     for axis, column in zip("xyz", points(rng, kind).T, strict=True):
         rows[axis] = column
     types = f"uchar red,{name} y,{name} x,short label,{name} z".replace(",", "\nproperty ")
     head = f"ply\nformat {order} 1.0\ncomment of a camera\nelement vertex 60\nproperty {types}\nelement face 0\n"
-    body = words(rows) if order == "ascii" else rows.tobytes()
-    end = "end_header\n"
-    return (head + end).encode() + (body.encode() if isinstance(body, str) else body)
+    return (head + "end_header\n").encode() + (words(rows).encode() if order == "ascii" else rows.tobytes())
 
 
 def pcd(rng: np.random.Generator) -> bytes:
@@ -143,13 +141,9 @@ def test_the_world_of_a_scene_takes_nothing_from_the_proof(tmp_path: Path) -> No
     for kind, made in MADE.items():
         (tmp_path / f"a{kind}").write_bytes(made(np.random.default_rng(1)))
         clouds.append(hdplan.Cloud(tmp_path / f"a{kind}", 0.002, name=kind, drop_nan=True, pose=[9e3, 0.0, 0.0]))
-    hdplan.Scene(robot="panda", obstacles=clouds, start="default", goal="default").save(tmp_path / "scene.yaml")
-    setup = Setup.of(hdplan.load_scene(tmp_path / "scene.yaml"))
-    start = setup.robot.named_states["default"]
-    rows = np.tile([start[x] for x in setup.robot.joint_names], (2, 1))
-    motion = hdplan.Trajectory(setup.robot.joint_names, rows, setup.robot.locked)
-    motion.save(tmp_path / "motion.json")
+    scene = hdplan.Scene(robot="panda", obstacles=clouds, start="default", goal="default")
+    *files, setup, motion = saved(scene, tmp_path)
     world = json.loads(json.dumps(world_of(setup, motion), default=plain))
-    found = read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", world)
+    found = read_world(*files, world)
     assert not found.taken
     check_equal(found.world, world)

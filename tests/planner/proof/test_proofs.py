@@ -50,7 +50,7 @@ def test_certified_motions_are_accepted_with_nearly_the_same_clearance(
 
 
 def test_the_checker_runs_on_its_own(proven: Callable[[str], Proven], tmp_path: Path) -> None:
-    """As a folder outside the package, without hdplan."""
+    """Its folder lies outside the package, without hdplan."""
     each = proven("ur5_table")
     shutil.copytree(Path(kernel.__file__).parent, tmp_path / "verify")
     code = "import sys; sys.modules['hdplan'] = None; import runpy; runpy.run_module('verify', run_name='__main__')"
@@ -64,7 +64,7 @@ def test_the_checker_runs_on_its_own(proven: Callable[[str], Proven], tmp_path: 
 
 @pytest.mark.parametrize("name", ["panda_cage", "lost.yaml", "n" * 5_000], ids=["shipped name", "lost", "no name"])
 def test_a_file_that_is_not_there_is_named(name: str, tmp_path: Path) -> None:
-    """In its own words, which are not those of a proof that needs too much."""
+    """The words are not those of a proof that needs too much."""
     with pytest.raises(RejectedError, match=r"^\S+: no such file$"):
         verify(tmp_path / name, tmp_path / "m.json", tmp_path / "m.proof")
 
@@ -201,7 +201,7 @@ def test_limits_that_do_not_hold_are_not_claimed(monkeypatch: pytest.MonkeyPatch
                 statement(world, {**head, "claims": ["limits"]})
 
 
-def test_a_scene_that_asks_for_more_is_accepted_in_part(tmp_path: Path) -> None:
+def test_a_scene_that_requires_more_is_accepted_in_part(tmp_path: Path) -> None:
     """The first line says so, and a line what is missing."""
     scene = hdplan.Scene(robot="panda", start=HOME, goal=AWAY, planner=hdplan.PlannerSettings(clearance=0.005))
     scene.save(tmp_path / "scene.yaml")

@@ -21,13 +21,13 @@ from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.yaml_format.reader import read_robot
-from hdplan.verify.balls import HERE, Ball, dot
+from hdplan.verify.balls import Ball, dot
 from hdplan.verify.kernel import Motion
 from hdplan.verify.moving import joints_of
 from hdplan.verify.scene import frame as frame_of, hull
 from hdplan.verify.world import World
 
-from .worlds import read, read_and_planned
+from .worlds import bare, read, read_and_planned
 
 Random = np.random.Generator
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -180,10 +180,8 @@ def test_every_body_is_where_hdplan_has_it(seed: int, tmp_path: Path) -> None:
         q = curve.at(np.array([row]), np.array([share]))[0]
         pin.updateGeometryPlacements(robot.model, data, robot.collision, placed, robot.pin_q(q))
         items = robot.collision.geometryObjects
-        bodies = {
-            link: [(items[i].geometry, placed.oMg[i].homogeneous) for i in robot.link_geometry[link]]
-            for link in robot.links
-        }
+        parts_of = ((link, robot.link_geometry[link]) for link in robot.links)
+        bodies = {link: [(items[i].geometry, placed.oMg[i].homogeneous) for i in own] for link, own in parts_of}
         for x in setup.scene.obstacles:
             bodies[x.name] = [(operations(x.shape).coal(x.shape, x.name), ObstacleMotion.of(x).at(now)[0])]
         at = np.rint(np.interp(now[0], world.times, np.arange(len(world.times))) * 2.0**28) / 2.0**28
@@ -206,9 +204,8 @@ def test_every_body_is_where_hdplan_has_it(seed: int, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("count", [60, pytest.param(200, marks=pytest.mark.slow)])
 def test_turns_of_any_angle_are_enclosed(count: int) -> None:
-    """Of an obstacle between poses that are hardly turned, or far."""
-    rng, nothing = np.random.default_rng(5), frame_of(HERE)
-    joint = {"name": "j", "parent": -1, "kind": "prismatic", **nothing, "axis": [0.0, 0.0, 1.0], "follows": None}
+    """An obstacle turns hardly, or far, from pose to pose."""
+    rng = np.random.default_rng(5)
     body = {"name": "o", "kind": "obstacle", "shape": hull([[0.0] * 3], 0.1, 0.1, 0.1)}
     for _ in range(count):
         turns = [Rotation.random(rng=rng)]
@@ -220,15 +217,7 @@ def test_turns_of_any_angle_are_enclosed(count: int) -> None:
         carriers, place = joints_of({"times": times, "poses": poses}, times, "o")
         carried = {**body, "joint": len(carriers), **frame_of(place)}
         tracks = [{**x, "parent": x["parent"] + 1 or -1} for x in carriers]
-        world = World(
-            {
-                "hdplan_world": 3, "joints": [joint], "held": {}, "links": {}, "bodies": [carried], "tracks": tracks,
-                "not_compared": [], "clearances": {"obstacles": 0.0, "own": {}, "self": 0.0}, "limits": {}, "path": [],
-                "motion": {"rule": "linear", "times": times, "positions": [[0.0]] * 4},
-                "start": [], "goal": [], "duration": None, "also": [],
-            },
-            {},
-        )  # fmt: skip
+        world = World(bare([carried], [[0.0]] * 4, times=times, tracks=tracks), {})
         now = np.rint(rng.uniform(0, 3, 20) * 2**30) / 2**30
         found, piece = Motion(world, now[:, None] + [0.0, 2.0**-30]), world.pieces[0]
         turned = dot("kij,jl->kil", found.turn[:, piece.joint], piece.pose[0])

@@ -24,8 +24,8 @@ MOMENTS = 25
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda_cage", "panda_carry", "panda_gate"])
 def test_a_plane_separates_the_closest_pair(name: str, tmp_path: Path) -> None:
-    """What is proven is at most the gap at the plane, and that at most the exact distance: of links, of what they hold,
-    of obstacles that move."""
+    """The proven distance is at most the gap at the plane, and that at most the exact distance: of links, of what they
+    hold, of obstacles that move."""
     scene, motion = hdplan.load_scene(name), tmp_path / "motion.json"
     hdplan.plan(scene).save(motion)
     proof = hdplan.prove(name, motion)

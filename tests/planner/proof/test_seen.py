@@ -23,7 +23,6 @@ from hdplan.planner.geometry.clouds import balls_in, read_cloud
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.proof import prove_job
 from hdplan.planner.proof.world import world_of
-from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 from hdplan.verify import scene as hulls
 from hdplan.verify.balls import RejectedError, rejecting
@@ -37,7 +36,7 @@ from hdplan.verify.text import Files
 
 from ..job.forging import written
 from .test_verify_meaning import MOTION, SCENE, URDF, files
-from .worlds import packed, unpacked
+from .worlds import packed, saved, unpacked
 
 CAMERA = [40.0, 37.5, 12.0, 7.0]
 SHAPE = (16, 25)
@@ -65,15 +64,12 @@ def files_of(depth: Any, folder: Path) -> list[Path]:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_balls_are_those_of_the_planner_and_of_the_definition(seed: int, tmp_path: Path) -> None:
-    rng = np.random.default_rng(seed)
-    depth = image(rng)
+    depth = image(np.random.default_rng(seed))
     more = {"scale": 0.001, "range": [0.1, 3.0]} if seed % 2 else {}
     section = {"intrinsics": CAMERA, "radius": 0.002 * (seed % 3), **more}
-    camera = hdplan.DepthImage(depth, CAMERA)
-    planned = balls_in(read_cloud(hdplan.Cloud(camera, 0.002 * (seed % 3)), "")).array
+    planned = balls_in(read_cloud(hdplan.Cloud(hdplan.DepthImage(depth, CAMERA), section["radius"]), "")).array
     for file in files_of(depth, tmp_path):
         found = balls_of("depth", {"file": file.name, **section}, "a", tmp_path, Files())
-        assert found is not None
         np.testing.assert_allclose(found[0].mid, planned[:, :3], rtol=0, atol=1e-14)
         np.testing.assert_allclose(found[1], planned[:, 3], rtol=1e-11)
         assert (found[1] >= planned[:, 3] * (1 - 2e-12)).all()
@@ -180,11 +176,8 @@ def scene_of(points: Any, folder: Path, **cloud: Any) -> tuple[Path, Path, dict[
     can = hdplan.Cylinder(0.05, 0.2, name="can", pose=[0.5, 0.4, 0.2])
     bar = hdplan.Attached("bar", "panda_hand", hdplan.Box([0.02, 0.3, 0.02]), [0.0, 0.0, 0.15])
     scene = hdplan.Scene(robot="panda", obstacles=[can, seen], attached=[bar], start=START, goal=START)
-    scene.save(folder / "scene.yaml")
-    setup = Setup.of(hdplan.load_scene(folder / "scene.yaml"))
-    motion = hdplan.Trajectory(setup.robot.joint_names, np.array([START, START]), setup.robot.locked)
-    motion.save(folder / "motion.json")
-    return folder / "scene.yaml", folder / "motion.json", json.loads(json.dumps(world_of(setup, motion), default=plain))
+    *files, setup, motion = saved(scene, folder)
+    return *files, json.loads(json.dumps(world_of(setup, motion), default=plain))
 
 
 def balls(world: dict[str, Any]) -> dict[str, Any]:
@@ -211,7 +204,7 @@ def without(world: dict[str, Any], rows: Any, points: Any = None) -> dict[str, A
         {"ignore_robot": 0.001, "ignore": hdplan.Ignored(0.0, obstacle="can")},
     ],
 )
-def test_what_the_planner_leaves_out_may_be_left_out_and_nothing_else(ignoring: dict[str, Any], tmp_path: Path) -> None:
+def test_only_balls_that_the_planner_leaves_out_may_be_left_out(ignoring: dict[str, Any], tmp_path: Path) -> None:
     """Points in links and beside them, in a held box and in a cylinder; every other one is missed."""
     rng = np.random.default_rng(3)
     hand = np.linalg.inv(TURNED.matrix) @ link_pose(hdplan.load_robot("panda"), np.array(START), "panda_hand")[:, 3]
@@ -247,7 +240,7 @@ def test_what_the_planner_leaves_out_may_be_left_out_and_nothing_else(ignoring: 
     ],
 )
 def test_points_near_a_solid_are_those_that_coal_finds_near(kind: str, sizes: dict[str, Any], solid: Any) -> None:
-    """With 200,000 of them in little time, but near an ellipsoid."""
+    """200,000 of them take little time, but near an ellipsoid."""
     rng, here, point = np.random.default_rng(0), coal.Transform3s.Identity(), coal.Sphere(1e-12)
     points, shape = rng.uniform(-0.2, 0.2, (200_000, 3)), hulls.solid(kind, sizes)
     some = points[: 30 if kind == "ellipsoid" else 600]
@@ -261,8 +254,8 @@ def test_points_near_a_solid_are_those_that_coal_finds_near(kind: str, sizes: di
 
 
 @pytest.mark.parametrize("open_", [False, True])
-def test_what_a_mesh_surrounds_counts_as_in_it(open_: bool, tmp_path: Path) -> None:
-    """Of a closed box, far from its sides; of an open one that is an obstacle, nothing but what is near its sides."""
+def test_a_point_that_a_mesh_surrounds_counts_as_in_it(open_: bool, tmp_path: Path) -> None:
+    """A closed box holds what is far from its sides; an open one that is an obstacle only what is near them."""
     corners = [f"v {x} {y} {z}" for x in (0, 1) for y in (0, 1) for z in (0, 1)]
     faces = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"][: 5 if open_ else 6]
     (tmp_path / "box.obj").write_text("\n".join([*corners, *(f"f {x}" for x in faces), ""]))
@@ -270,17 +263,13 @@ def test_what_a_mesh_surrounds_counts_as_in_it(open_: bool, tmp_path: Path) -> N
     inside, beside = [1.5, 0.5, 0.5], [1.5, 0.5, -0.05]
     seen = hdplan.Cloud([inside, beside, [3.0, 0, 0]], 0.01, name="seen", ignore=hdplan.Ignored(0.1, obstacle="box"))
     scene = hdplan.Scene(robot="panda", obstacles=[box, seen], start=START, goal=START)
-    scene.save(tmp_path / "scene.yaml")
-    setup = Setup.of(hdplan.load_scene(tmp_path / "scene.yaml"))
-    motion = hdplan.Trajectory(setup.robot.joint_names, np.array([START, START]), setup.robot.locked)
-    motion.save(tmp_path / "motion.json")
+    *given, setup, motion = saved(scene, tmp_path)
     world = world_of(setup, motion)
     assert len(balls(world)["points"]) == (2 if open_ else 1)
-    found = read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", world)
-    check_equal(found.world, world)
+    check_equal(read_world(*given, world).world, world)
     if open_:
         with pytest.raises(RejectedError):
-            read_world(tmp_path / "scene.yaml", tmp_path / "motion.json", without(world, [1]))
+            read_world(*given, without(world, [1]))
 
 
 # --- forged scenes and images -----------------------------------------------------------------------------------------
@@ -313,9 +302,8 @@ def signed(proven: Files3, folder: Path, depth: dict[str, Any], view: dict[str, 
     content["obstacles"][0]["depth"] |= depth
     (folder / scene.name).write_text(json.dumps(content), encoding="utf-8")
     head, world, rest = unpacked(data)
-    files = {"scene": folder / scene.name, "depth panda_camera.npz": folder / scene.with_suffix(".npz").name}
-    for key, file in files.items():
-        head["files"][key] = hashlib.sha256(file.read_bytes()).hexdigest()
+    for key, name in (("scene", scene.name), ("depth panda_camera.npz", scene.with_suffix(".npz").name)):
+        head["files"][key] = hashlib.sha256((folder / name).read_bytes()).hexdigest()
     return folder / scene.name, motion, packed(head, world, rest)
 
 
@@ -382,7 +370,7 @@ def test_the_same_image_in_other_words_is_accepted(
 def test_the_proof_of_another_image_is_rejected(
     proven: Files3, tmp_path: Path, depth: dict[str, Any], view: dict[str, Any], change: Any
 ) -> None:
-    """Of another camera, another place of it, other pixels, or with less of the robot's image left out."""
+    """Another camera, another place of it, other pixels, or less of the robot's image left out."""
     with pytest.raises(RejectedError):
         check(*signed(proven, tmp_path, depth, view, change))
 
@@ -433,12 +421,11 @@ def test_a_job_leaves_out_what_is_near_where_it_begins(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.1])
-def test_of_a_robot_that_is_not_read_the_proof_says_what_is_its_image(margin: float, tmp_path: Path) -> None:
-    """And the verdict says so; points without a margin are read all the same."""
+def test_the_proof_says_which_points_are_the_image_of_a_robot_that_is_not_read(margin: float, tmp_path: Path) -> None:
+    """The verdict says so; points without a margin are read all the same."""
     cloud = {"points": [[0.0, 0.0, 0.0], [9.0, 9.0, 9.0]][0 if margin else 1 :], "radius": 0.01, "ignore_robot": margin}
     content = {"robot": {**SCENE["robot"], "urdf": "r.urdf.xacro"}, "obstacles": [{"name": "seen", "cloud": cloud}]}
     scene, motion = files(tmp_path, content, MOTION, URDF, "r.urdf.xacro")
-    proof = hdplan.prove(scene, motion)
-    taken = proof.text.splitlines()[0]
+    taken = hdplan.prove(scene, motion).text.splitlines()[0]
     assert taken.startswith("accepted in part; NOT read by the checker")
     assert ("seen (cloud)" in taken) == (margin > 0)

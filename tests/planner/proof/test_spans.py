@@ -20,7 +20,7 @@ from tests.planner.proof.worlds import read
 
 @pytest.mark.parametrize("scene", ["panda_cage", "panda_conveyor", "planar_arm", "panda_corridor"])
 def test_spans_equal_the_kernels(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On spans of any length, within a row and over many, of lines and of timed curves, with what moves around."""
+    """Spans of any length lie within a row or over many, of lines and of timed curves, with what moves around."""
     setup = Setup.of(hdplan.load_scene(scene))
     rng = np.random.default_rng(0)
     ends = np.stack([setup.query.start, setup.query.goal])

@@ -34,7 +34,7 @@ def claiming(proof: bytes, claims: list[str], clearance: float) -> bytes:
 def test_a_claim_that_is_missing_is_named_in_the_first_line(
     claim: str, honest: Honest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """And the command's exit code says so."""
+    """The command's exit code says so, too."""
     given, _, _, true = honest
     lacking = claiming(true, [x for x in EVERY if x != claim], 0.01)
     verdict, _ = check(*given, lacking)
@@ -92,7 +92,7 @@ def test_a_name_adds_nothing_to_the_statement(honest: Honest) -> None:
         )[0].count("\n")
 
 
-def test_what_stands_still_is_listed_beside_obstacles(tmp_path: Path) -> None:
+def test_still_links_are_listed_beside_obstacles(tmp_path: Path) -> None:
     """A wall through the arm, of which one joint alone moves."""
     wall = {"name": "wall", "shape": {"type": "box", "size": [1, 1, 0.1]}, "pose": {"position": [0, 0, 0.9]}}
     scene = {

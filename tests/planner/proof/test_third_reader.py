@@ -33,7 +33,7 @@ from hdplan.verify.kernel import Motion
 from hdplan.verify.reading import Reading, read_world
 from hdplan.verify.world import World
 
-from .worlds import kind_of
+from .worlds import kind_of, scene_files
 
 Random = np.random.Generator
 
@@ -246,10 +246,8 @@ class Rows:
         given = motion["times"] or np.arange(len(motion["positions"])).tolist()
         times = np.array(given if world.times is None else world.times)
         times = (times[1:] + times[:-1]) / 2
-        columns = {
-            x: np.interp(times, given, y)
-            for x, y in zip(motion["joint_names"], np.transpose(motion["positions"]), strict=True)
-        }
+        rows = zip(motion["joint_names"], np.transpose(motion["positions"]), strict=True)
+        columns = {x: np.interp(times, given, y) for x, y in rows}
         values = [{x: float(y[i]) for x, y in columns.items()} for i in range(k)]
         return cls(world, frames, times, values)
 
@@ -366,9 +364,7 @@ REFUSED = {  # by the checker, or by Pinocchio, in these words
 
 def written(folder: Path, scene: dict[str, Any], motion: dict[str, Any]) -> Reading:
     """A scene and a motion, written and read by the checker."""
-    (folder / "scene.yaml").write_text(json.dumps(scene))
-    (folder / "motion.json").write_text(json.dumps({"hdplan_trajectory": 1, **motion}))
-    return read_world(folder / "scene.yaml", folder / "motion.json")
+    return read_world(*scene_files(folder, scene, motion))
 
 
 def placed_base(rng: Random) -> tuple[dict[str, Any], pin.SE3]:
@@ -419,7 +415,7 @@ def robot_compared(file: str, folder: Path, count: int, monkeypatch: pytest.Monk
             if name in wheels or not 0 < own[third.model.idx_vs[third.model.getJointId(name)]] < np.inf:
                 given[key][name] = float(rng.uniform(1, 2))
     rest = {x: 0.0 for x in columns}
-    scene = {"hdplan": 1, "robot": spec, "limits": given, "start": {"joints": rest}, "goal": {"joints": rest}}
+    scene = {"robot": spec, "limits": given, "start": {"joints": rest}, "goal": {"joints": rest}}
     timed = {**motion, "times": list(range(count + 1))}
     with monkeypatch.context() as patched:  # masses that no body has are compared all the same
         patched.setattr("hdplan.verify.loads.check_body", lambda *_: None)
@@ -445,7 +441,7 @@ def test_robots_are_those_of_pinocchio(file: str, tmp_path: Path, monkeypatch: p
 def test_every_robot_of_the_library_is_that_of_pinocchio(
     file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Or is refused, for the reason listed."""
+    """Some are refused, for the reason listed."""
     if file not in REFUSED:
         return robot_compared(file, tmp_path, 100, monkeypatch)
     with pytest.raises((RejectedError, ValueError), match=REFUSED[file]):
@@ -490,10 +486,8 @@ def place_of(entry: dict[str, Any], time: float) -> Array:
 def shape_in(section: dict[str, Any], folder: Path) -> tuple[Shape, str]:
     """A shape of a scene, meshes loaded by coal."""
     if section["type"] == "mesh":
-        file, scale = (
-            str(folder / section["file"]),
-            np.broadcast_to(np.array(section.get("scale", 1.0), dtype=float), 3),
-        )
+        file = str(folder / section["file"])
+        scale = np.broadcast_to(np.array(section.get("scale", 1.0), dtype=float), 3)
         return ("mesh", corners_of(coal.MeshLoader().load(file, np.array(scale)), file)), file
     sizes = [section[x] for x in SIZES if x in section]
     return (section["type"], np.hstack(sizes)), ""

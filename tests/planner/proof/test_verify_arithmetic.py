@@ -159,7 +159,7 @@ def random_motion(scene: str, kind: str, folder: Path) -> tuple[World, Curve, Se
 
 @pytest.mark.parametrize(("scene", "kind"), motions())
 def test_intervals_enclose_curve_and_frames(scene: str, kind: str, tmp_path: Path) -> None:
-    """On random intervals, of many rows and of parts of one: the curve is near the checker's straight line, and its
+    """Random intervals span many rows, or parts of one: the curve is near the checker's straight line, and its
     frames are Pinocchio's."""
     world, curve, setup = random_motion(scene, kind, tmp_path)
     rng = np.random.default_rng(3)
@@ -179,7 +179,7 @@ def test_intervals_enclose_curve_and_frames(scene: str, kind: str, tmp_path: Pat
 
 @pytest.mark.parametrize(("scene", "kind"), motions())
 def test_points_are_seen_from_other_links_where_they_are(scene: str, kind: str, tmp_path: Path) -> None:
-    """On long and on short intervals: what a ray begins at is enclosed whichever of the two links moves, and hardly
+    """The point at which a ray begins is enclosed whichever of the two links moves, and hardly
     more is enclosed than that."""
     world, curve, setup = random_motion(scene, kind, tmp_path)
     rng, n, data = np.random.default_rng(4), setup.robot.n, setup.robot.model.createData()
@@ -236,7 +236,7 @@ def test_rates_are_accepted_just_above_their_greatest_value_and_never_below(
 @pytest.mark.core
 @pytest.mark.parametrize(("scene", "kind"), motions())
 def test_no_bound_exceeds_the_distance_anywhere_on_its_interval(scene: str, kind: str, tmp_path: Path) -> None:
-    """For random pairs, intervals and directions; the distance is coal's, the bodies those of the loaded robot."""
+    """Pairs, intervals and directions are random; the distance is coal's, the bodies those of the loaded robot."""
     world, curve, setup = random_motion(scene, kind, tmp_path)
     robot, rng = setup.robot, np.random.default_rng(5)
     items = {item.name: item for item in robot.collision.geometryObjects}

@@ -20,7 +20,7 @@ from hdplan.verify.reading import read_world
 from hdplan.verify.robot_files import robot_of
 from hdplan.verify.text import strict_xml
 
-from .worlds import packed, read, unpacked, words_of
+from .worlds import packed, read, scene_files, unpacked, words_of
 
 Content = tuple[Path, dict[str, Any], dict[str, Any], bytes]
 
@@ -55,16 +55,15 @@ def test_another_description_in_the_robot_s_folder_is_rejected(cage: Content) ->
 
 
 def test_a_joint_that_follows_another_is_held_where_it_follows(cage: Content, tmp_path: Path) -> None:
-    """Where neither scene nor motion say so, a proof must not close one finger alone."""
+    """A proof must not close one finger alone where neither scene nor motion say so."""
     content, text = json.loads(cage[0].read_text()), find_scene("panda_cage").read_text()
     assert ", panda_finger_joint2: 0.04" in text
     del content["locked"]["panda_finger_joint2"]
     motion, scene = tmp_path / "m.json", tmp_path / "scene.yaml"
     motion.write_text(json.dumps(content))
     scene.write_text(text.replace(", panda_finger_joint2: 0.04", ""))
-    hashes = {
-        key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in (("scene", scene), ("motion", motion))
-    }
+    files = {"scene": scene, "motion": motion}
+    hashes = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in files.items()}
     head, world = {**cage[1], "files": {**cage[1]["files"], **hashes}}, cage[2]
     assert "panda_finger_joint2 at 0.04" in words_of(scene, motion, packed(head, world, cage[3]))
     for value in (0.038, 0.0):
@@ -83,7 +82,7 @@ def test_large_heads_and_many_groups_are_rejected_before_they_cost_memory(cage: 
 
 @pytest.mark.parametrize("terms", [3, 59, 61, 200, 800])
 def test_long_sums_are_enclosed(terms: int) -> None:
-    """Also where every addition loses half a unit of the last place."""
+    """Every addition may lose half a unit of the last place."""
     rng = np.random.default_rng(terms)
     for x in (np.append(1.0, np.full(terms - 1, 2.0**-53)), rng.normal(size=terms) * 10.0 ** rng.uniform(-6, 6, terms)):
         one = np.ones((terms, 2))
@@ -96,14 +95,10 @@ def test_long_sums_are_enclosed(terms: int) -> None:
 @pytest.mark.parametrize("name", ["baxter", "tiago", "pr2", "panda", "alex_nub_hands", "xarm7", "a1"])
 def test_joints_come_in_the_order_in_which_a_scene_counts_them(name: str, tmp_path: Path) -> None:
     robot = hdplan.load_robot(hdplan.RobotSpec(name=name))
-    joints, ends = list(robot.joint_names)[::-1], json.dumps([0.0] * robot.n)
-    (tmp_path / "s.yaml").write_text(
-        f"hdplan: 1\nrobot: {{name: {name}}}\nstart: {{joints: {ends}}}\ngoal: {{joints: {ends}}}\n"
-    )
-    rows = np.zeros((2, len(joints))).tolist()
-    motion = {"hdplan_trajectory": 1, "joint_names": joints, "positions": rows}
-    (tmp_path / "m.json").write_text(json.dumps(motion))
-    world = read_world(tmp_path / "s.yaml", tmp_path / "m.json").world
+    joints, ends = list(robot.joint_names)[::-1], {"joints": [0.0] * robot.n}
+    scene = {"robot": {"name": name}, "start": ends, "goal": ends}
+    motion = {"joint_names": joints, "positions": np.zeros((2, robot.n)).tolist()}
+    world = read_world(*scene_files(tmp_path, scene, motion)).world
     assert [x["name"] for x in world["joints"] if x["follows"] is None] == joints[::-1]
     assert world["held"] == robot.locked
 

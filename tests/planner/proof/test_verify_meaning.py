@@ -216,7 +216,7 @@ def test_two_merges_of_one_mapping_are_refused_by_both(word: str, tmp_path: Path
 
 
 def test_other_goals_and_speeds_are_not_proven(tmp_path: Path) -> None:
-    """Just beyond those that are."""
+    """They are just beyond those that are proven."""
     for goal in ([0.5 + 2 * np.pi, 0.5], [0.5, 0.5 + 3.14], [0.5, 0.5 + 2 * np.pi + 2e-6], [[0.5, 0.51], [0.51, 0.5]]):
         with pytest.raises(RejectedError, match="goal"):
             claimed(*files(tmp_path, {"goal": {"joints": goal}}), "goal")
@@ -229,7 +229,7 @@ def test_other_goals_and_speeds_are_not_proven(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("own", "usual"), [(0.001, 0.3), (0.02, 0.01), (0.001, 0.01)])
-def test_an_obstacle_may_ask_for_less_than_the_others(own: float, usual: float, tmp_path: Path) -> None:
+def test_an_obstacle_may_require_less_than_the_others(own: float, usual: float, tmp_path: Path) -> None:
     """One is 76 mm away, the other one farther than required; a proof that claims so must keep it."""
     near = {**SCENE["obstacles"][0], "name": "near", "pose": {"position": [0.85, 0, 1.15]}, "clearance": own}
     content = {"obstacles": [*SCENE["obstacles"], near], "planner": {"clearance": usual}}
@@ -298,7 +298,7 @@ MISSPELT: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("words", MISSPELT)
-def test_what_a_scene_asks_in_a_word_that_is_not_known_is_not_left_out(words: str, tmp_path: Path) -> None:
+def test_a_misspelt_requirement_of_a_scene_is_not_left_out(words: str, tmp_path: Path) -> None:
     timed = {**MOTION, "times": [0, 2], "velocities": [[0, 0], [0, 0]]}
     two = files(tmp_path, {"timing": {"duration": 2}, **MISSPELT[words]}, timed)
     with pytest.raises(hdplan.InputError):
@@ -308,7 +308,7 @@ def test_what_a_scene_asks_in_a_word_that_is_not_known_is_not_left_out(words: st
 
 
 def test_a_path_of_what_is_held_is_known_as_that_of_a_link(tmp_path: Path) -> None:
-    """To hdplan, too; what is not held has none."""
+    """hdplan knows it, too; an object that is not held has none."""
     tool = {"name": "tool", "link": "fore", "shape": {"type": "sphere", "radius": 0.01}}
     path = {"upright": {"link": "tool", "tolerance": 3}}
     timed = {**MOTION, "times": [0, 2], "velocities": [[0, 0], [0, 0]]}
@@ -325,7 +325,7 @@ def test_the_planner_s_keys_are_those_of_the_planner() -> None:
 
 
 def test_a_pose_at_the_start_is_one_at_the_scene_s_start(tmp_path: Path) -> None:
-    """What a link is to keep, where no pose is given."""
+    """The link keeps it where no pose is given."""
     path = {"path": {"relative": {"link": "fore", "to": "base", "position_tolerance": 1, "orientation_tolerance": 3}}}
     for start, good in (([0, 0.1], True), ([0, 0.2], False)):
         two = files(tmp_path, {**path, "start": {"joints": start}})
@@ -341,7 +341,7 @@ def test_a_joint_without_the_limits_that_it_needs_is_within_none(tmp_path: Path)
             assert "limits" in claimed(*two, "limits")
 
 
-def test_pairs_that_the_scene_asks_to_check_are_kept_apart_whatever_the_srdf_says(tmp_path: Path) -> None:
+def test_check_pairs_are_kept_apart_whatever_the_srdf_says(tmp_path: Path) -> None:
     words = '<robot name="r"><disable_collisions link1="base" link2="finger"/></robot>'
     (tmp_path / "r.srdf").write_text(words)
     far, near = frozenset(("base", "finger")), frozenset(("base", "up"))  # neighbours

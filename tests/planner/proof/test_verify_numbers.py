@@ -17,7 +17,7 @@ from .test_verify_arithmetic import random_motion
 
 
 def test_rotations_by_quaternions_in_decimals_are_enclosed() -> None:
-    """Also of the decimals that are as far from their doubles as can be."""
+    """So are the decimals that are as far from their doubles as can be."""
     rng = np.random.default_rng(11)
     for _ in range(200):
         q = rng.normal(size=4) * 10.0 ** rng.uniform(-12, 0, 4)
@@ -49,7 +49,7 @@ def test_reaches_are_those_of_the_axes(tmp_path: Path) -> None:
 
 
 def test_tables_are_taken_as_lists_are() -> None:
-    """And nothing else that NumPy has: no words, no truth values, no numbers of other kinds."""
+    """NumPy's other arrays are refused: no words, no truth values, no numbers of other kinds."""
     rows = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
     np.testing.assert_array_equal(numbers(np.array(rows), (-1, 3), "x"), numbers(rows, (-1, 3), "x"))
     assert numbers(np.array([[1, 2, 3]]), (-1, 3), "x").dtype == np.float64

@@ -240,7 +240,7 @@ def test_a_clearance_between_links_that_is_not_reached_is_reported(
         ('<link name="a"/>', '<link name="a"><origin xyz="0 0 1"/></link>'),
     ],
 )
-def test_what_stands_twice_in_a_urdf_or_is_not_known_is_refused(before: str, after: str, tmp_path: Path) -> None:
+def test_a_urdf_with_a_repeated_or_unknown_element_is_refused(before: str, after: str, tmp_path: Path) -> None:
     text = """<robot name="r"><link name="a"/><link name="b"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous">
 <origin xyz="0 0 1"/><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint></robot>"""

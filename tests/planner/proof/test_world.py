@@ -75,7 +75,7 @@ def offs(value: Any) -> Iterator[float]:
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", SHIPPED)
 def test_worlds_are_plain_and_complete(name: str) -> None:
-    """What is not listed as not compared is just what the certificate compares."""
+    """Pairs that are not listed as not compared are just those that the certificate compares."""
     setup = Setup.of(load_scene(name))
     found = world_of(setup, straight(setup))
     check_equal(found, written(found))
@@ -295,7 +295,7 @@ def test_meshes_are_those_of_their_files_in_order(tmp_path: Path) -> None:
 
 
 def test_bounds_hold_for_quaternions_that_are_kept_as_they_are(tmp_path: Path) -> None:
-    """Within 1e-12 of unit length: of poses, and of the base far from the joints that it carries."""
+    """Their length is within 1e-12 of 1: of poses, and of the base far from the joints that it carries."""
     rng = np.random.default_rng(3)
     for _ in range(200):
         quaternion = rng.normal(size=4)
@@ -403,7 +403,7 @@ def test_a_changed_input_changes_its_own_keys_of_the_world(what: str, tmp_path: 
 
 
 def test_the_first_reason_counts(tmp_path: Path) -> None:
-    """Of pairs that are left out for several; a pair to be checked is left out only where it moves as one."""
+    """Some pairs are left out for several; a pair to be checked is left out only where it moves as one."""
     links = {"base": "", "a": "base", "a_tip": "a", "b": "a", "c": "b", "d": "c"}
     parts = [link_text(name, sphere=0.02) for name in links]
     for name, parent in [each for each in links.items() if each[1]]:
@@ -456,7 +456,7 @@ def test_targets_say_what_they_name() -> None:
 
 
 def test_the_motion_is_the_planned_one() -> None:
-    """Of every rule."""
+    """Rows of every rule are as they are planned."""
     for name, rule in (("planar_arm", "linear"), ("panda_conveyor", "cubic"), ("panda_heavy", "quintic")):
         setup = Setup.of(load_scene(name))
         q = setup.robot.draw(np.random.default_rng(4), 5)
@@ -475,7 +475,7 @@ def test_the_motion_is_the_planned_one() -> None:
 # --- what is refused --------------------------------------------------------------------------------------------------
 
 
-def test_what_no_world_holds_is_refused(tmp_path: Path) -> None:
+def test_a_motion_or_robot_that_no_world_holds_is_refused(tmp_path: Path) -> None:
     scene = load_scene("planar_arm")
     setup = Setup.of(scene)
     with pytest.raises(InputError, match="joint 'nowhere' is not one of"):

@@ -16,10 +16,12 @@ from hdplan import Trajectory
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.verify import RejectedError
+from hdplan.verify.balls import HERE
 from hdplan.verify.checking import check
 from hdplan.verify.compare import check_equal, plain
 from hdplan.verify.kernel import MAGIC
 from hdplan.verify.reading import read_world
+from hdplan.verify.scene import frame
 from hdplan.verify.world import World
 
 Data = dict[str, Any]
@@ -49,6 +51,17 @@ def saved(scene: hdplan.Scene, folder: Path, to: float = 0.0) -> tuple[Path, Pat
 def rejects_unless(good: bool, words: str) -> AbstractContextManager[Any]:
     """Expect that the checker rejects with these words what is not `good`."""
     return nullcontext() if good else pytest.raises(RejectedError, match=words)
+
+
+def bare(bodies: list[Data], positions: list[list[float]], times: Any = None, tracks: Any = ()) -> Data:
+    """A world of a slider along x with these bodies, and nothing else."""
+    joint = {"name": "j", "parent": -1, "kind": "prismatic", **frame(HERE), "axis": [1.0, 0.0, 0.0], "follows": None}
+    return {
+        "hdplan_world": 3, "joints": [joint], "held": {}, "links": {}, "bodies": bodies, "tracks": [*tracks],
+        "not_compared": [], "clearances": {"obstacles": 0.0, "own": {}, "self": 0.0}, "limits": {}, "path": [],
+        "motion": {"rule": "linear", "times": times, "positions": positions},
+        "start": [], "goal": [], "duration": None, "also": [],
+    }  # fmt: skip
 
 
 def words_of(scene: Path, motion: Path, proof: bytes) -> str:

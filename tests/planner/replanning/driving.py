@@ -61,6 +61,12 @@ class Drive:
         self.now = round((self.now + PERIOD) / PERIOD) * PERIOD
         return command
 
+    def moves(self) -> Drive:
+        """Drive until a command moves the robot."""
+        while not self.commands or not self.commands[-1].velocity.any():
+            self.period()
+        return self
+
     def arrives(self, within: float) -> bool:
         """Drive until the robot has arrived."""
         while self.now < within:

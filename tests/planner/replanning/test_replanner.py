@@ -106,9 +106,7 @@ def test_the_rest_of_a_motion_is_proven_in_every_newer_picture(monkeypatch: pyte
 
 
 def test_a_late_call_finds_the_robot_standing_and_goes_on() -> None:
-    drive = Drive(limited("planar_arm"))
-    while drive.period().mode.value != "moving" or not drive.commands[-1].velocity.any():
-        pass
+    drive = Drive(limited("planar_arm")).moves()
     last = drive.commands[-1]
     assert drive.certified(last)
     assert last.motion.duration is not None
@@ -156,9 +154,7 @@ def test_pictures_that_are_from_the_future_old_or_missing_stop_the_robot() -> No
 
 
 def test_a_robot_that_is_off_its_motion_brakes_and_goes_on_from_where_it_stands() -> None:
-    drive = Drive(limited("planar_arm"))
-    while not drive.commands or not drive.commands[-1].velocity.any():
-        drive.period()
+    drive = Drive(limited("planar_arm")).moves()
     off = drive.commands[-1].position + [0.02, 0.0]
     drive.replanner.state(off, drive.commands[-1].velocity)
     command = drive.step()
@@ -321,9 +317,7 @@ def test_a_robot_that_is_at_its_goal_has_arrived() -> None:
 
 
 def test_states_of_the_future_and_older_ones_move_nothing() -> None:
-    drive = Drive(limited("planar_arm"))
-    while not drive.commands or not drive.commands[-1].velocity.any():
-        drive.period()
+    drive = Drive(limited("planar_arm")).moves()
     q = drive.commands[-1].position
     with pytest.raises(hdplan.InputError, match="at: must be no later than now, "):
         drive.replanner.state(q, [0.0, 0.0], at=drive.now + 60.0)

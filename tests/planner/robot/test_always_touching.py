@@ -60,7 +60,7 @@ def random_arm(rng: np.random.Generator, folder: Path) -> Robot:
 
 @pytest.mark.parametrize("arms", [6, pytest.param(80, marks=pytest.mark.slow)])
 def test_pairs_that_are_proven_always_to_touch_do(arms: int, tmp_path: Path) -> None:
-    """At random configurations and corners, up to LIMIT_EXCESS beyond the limits; the rest is checked."""
+    """Random configurations and corners are tried, up to LIMIT_EXCESS beyond the limits; the rest is checked."""
     trimesh.creation.icosphere(1, 1.0).export(tmp_path / "ball.stl")
     trimesh.creation.torus(1.0, 0.4, 8, 6).export(tmp_path / "ring.stl")
     rng, seen, doubtful = np.random.default_rng(4), 0, 0
@@ -138,7 +138,7 @@ def kept_robot(folder: Path, axis: str = "0 .6 .8") -> Robot:
     return load_robot(RobotSpec(urdf=write_robot(folder / "kept.urdf", *links, *joints)))
 
 
-def test_what_was_proven_is_kept_and_a_damaged_entry_is_not_believed(
+def test_a_proven_contact_is_kept_and_a_damaged_entry_is_not_believed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whole, the entry is read instead of proven again; cut anywhere, changed, or of another structure under a checksum
@@ -169,7 +169,7 @@ def test_what_was_proven_is_kept_and_a_damaged_entry_is_not_believed(
 
 
 def test_an_entry_is_of_one_robot_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the result follows from enters its key: each change of it makes an entry of its own."""
+    """Everything that the result follows from enters its key: each change of it makes an entry of its own."""
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
     ring, ball = trimesh.creation.torus(1.0, 0.4, 8, 6), trimesh.creation.icosphere(1, 1.0)
     ring.export(tmp_path / "a.stl")

@@ -91,7 +91,7 @@ def test_a_robot_made_from_another_one_is_not_the_scenes() -> None:
     assert certify(SCENE, MOTION).certified
 
 
-def test_what_a_setup_hands_out_changes_nothing() -> None:
+def test_a_change_of_what_a_setup_hands_out_changes_nothing() -> None:
     setup = Setup.of(SCENE)
     true = Certifier(setup).certify(MOTION)
     setup.loaded_model.inertias[2].mass = 1e-6

@@ -117,7 +117,7 @@ def test_any_shape_is_held_where_its_pose_in_the_link_says(carry: Scene, shape: 
         assert (around + directions @ carried[:3, 3] >= true - 1e-9).all()
 
 
-def test_it_is_kept_from_all_that_moves_against_it_but_touch_links(carry: Scene, tmp_path: Path) -> None:
+def test_a_held_object_is_kept_from_all_that_moves_against_it_but_touch_links(carry: Scene, tmp_path: Path) -> None:
     robot = load_scene_robot(holding(carry, Sphere(0.05), tmp_path))
     moving = {link for link in robot.links if robot.link_joint[link] != robot.link_joint["thing"]}
     assert {"panda_hand", *FINGERS} & moving == set()
@@ -176,7 +176,7 @@ def test_a_changed_mesh_is_read_again(carry: Scene, tmp_path: Path) -> None:
     assert load_scene_robot(scene) is not first
 
 
-def test_it_is_explained_and_drawn(carry: Scene) -> None:
+def test_a_held_object_is_explained_and_drawn(carry: Scene) -> None:
 
     problem = build(carry)
     ((name, text),) = explain(problem)["held objects"]

@@ -130,7 +130,7 @@ def test_a_group_that_is_not_there_is_refused_with_the_nearest(two_arms: RobotSp
 
 
 def test_a_group_that_no_srdf_defines_is_refused() -> None:
-    """And never planned as all joints of the robot: tiago's 42, fingers and head, are not its arm."""
+    """It is never planned as all joints of the robot: tiago's 42, fingers and head, are not its arm."""
     for name in ("ur5", "tiago"):
         with pytest.raises(InputError, match=rf"robot\.group: no SRDF of {name} says which joints the group 'arm' has"):
             load_robot(RobotSpec(name=name, group="arm"))
@@ -150,7 +150,7 @@ def test_the_group_is_planned_and_the_rest_held_at_the_start(moveit: Loading, gr
 
 @pytest.mark.parametrize("group", ["left", "right", "across"])
 def test_a_goal_for_a_joint_that_is_held_is_met_or_refused(moveit: Loading, group: str) -> None:
-    """By plan and by the certificate; never left out."""
+    """Plan and certificate refuse it alike; it is never left out."""
     goal = {joint: START[joint] + 0.1 for joint in MEMBERS[group]}
     for joint in set(MOVABLE) - MEMBERS[group]:
         scene = moveit({**goal, joint: START[joint]}, group)
@@ -209,9 +209,7 @@ def as_pose(pose: dict[str, Any]) -> Pose:
 
 @pytest.mark.parametrize("base", [{}, BASE])
 @pytest.mark.parametrize("frame", ["root", "/root", "shelf_foot", "camera"])
-def test_what_stands_in_a_frame_that_stands_is_where_that_frame_is(
-    moveit: Loading, frame: str, base: dict[str, Any]
-) -> None:
+def test_an_object_in_a_still_frame_is_where_that_frame_is(moveit: Loading, frame: str, base: dict[str, Any]) -> None:
     """Objects, regions, orientations and boxes along the way; the frame's place by Pinocchio's own reading."""
     region = {"primitives": [{"type": "box", "dimensions": [0.2, 0.2, 0.2]}], "primitive_poses": [PLACED]}
     header = {"header": {"frame_id": frame}}
@@ -277,7 +275,7 @@ def test_frames_of_the_scene_hang_on_others(moveit: Loading, tmp_path: Path) -> 
 
 
 def test_joints_may_be_named_instead_of_a_group(two_arms: RobotSpec) -> None:
-    """With or without an SRDF, in the robot's order, not the list's; an unknown name is refused."""
+    """They are in the robot's order, not the list's, with or without an SRDF; an unknown name is refused."""
     for spec in (two_arms, replace(two_arms, srdf=None)):
         for group in (("left_a", "right_b"), ["right_b", "left_a"]):
             robot = load_robot(replace(spec, group=group))
@@ -351,7 +349,7 @@ STATES = """<group_state name="home" group="left"><joint name="left_a" value="0.
 
 
 def test_pairs_of_a_link_are_disabled_by_default_and_enabled_again_as_moveit_reads_them(two_arms: RobotSpec) -> None:
-    """Of `disable_default_collisions`, `enable_collisions` and `disable_collisions` each later one overrides."""
+    """Each later one of `disable_default_collisions`, `enable_collisions` and `disable_collisions` overrides."""
     links = {"left_1", "left_2", "right_1", "right_2"}
     _with(
         two_arms,
@@ -376,7 +374,7 @@ def test_passive_joints_are_never_planned(two_arms: RobotSpec) -> None:
 
 
 def test_a_mimic_joint_held_elsewhere_than_it_would_follow_is_named(two_arms: RobotSpec) -> None:
-    """What follows a fixed joint stands at its offset; what follows a joint that is not there is held, with a word."""
+    """A follower of a fixed joint stands at its offset; one of a joint that is not there is held, with a word."""
     text = two_arms.urdf.read_text() if two_arms.urdf else ""
 
     def follow(joint: str, followed: str) -> None:
@@ -404,7 +402,7 @@ def _with(spec: RobotSpec, more: str) -> None:
 
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_state_is_looked_up_in_its_group_first(two_arms: RobotSpec, turned: bool) -> None:
-    """In whatever order the SRDF has them."""
+    """The SRDF's order does not matter."""
     first, second = (f"{part}</group_state>" for part in STATES.split("</group_state>")[:2])
     both = GROUPS + (second + first if turned else first + second)
     two_arms.srdf.write_text(f'<robot name="pair">{both}</robot>')
@@ -433,7 +431,7 @@ def test_joints_that_the_start_names_beside_the_group_are_held_there(two_arms: R
 
 
 @pytest.mark.core
-def test_what_joints_beside_the_group_carry_counts_in_the_certificate(two_arms: RobotSpec) -> None:
+def test_links_of_joints_beside_the_group_count_in_the_certificate(two_arms: RobotSpec) -> None:
     """The right arm, held: where the start has it, it is in the left one's way or not."""
     spec = replace(two_arms, group="left", ignore_pairs=(("left_1", "left_2"), ("right_1", "right_2")))
     ends = {"left_a": -0.9, "left_b": 0.0}, {"left_a": 0.5, "left_b": 0.0}

@@ -66,7 +66,7 @@ def test_a_timed_motion_keeps_the_urdfs_speeds(scene: Scene, robot: Robot) -> No
         ("acceleration", {"panda_joint1": 1.0}, "limits.acceleration: no value for joint 'panda_joint2', and a URDF"),
     ],
 )
-def test_what_does_not_fit_the_robot_is_refused(
+def test_limits_that_do_not_fit_the_robot_are_refused(
     scene: Scene, robot: Robot, quantity: str, values: JointValues, words: str
 ) -> None:
     with pytest.raises(InputError, match=re.escape(words)):

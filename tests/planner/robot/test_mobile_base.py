@@ -42,7 +42,7 @@ def test_the_base_slides_and_turns_beneath_the_arm() -> None:
             np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
-def test_with_a_group_its_joints_and_the_base_are_planned() -> None:
+def test_the_joints_of_a_group_and_the_base_are_planned() -> None:
     spec = RobotSpec(name="panda", base_joints=BASE)
     assert load_robot(spec).joint_names[:4] == ("base_x", "base_y", "base_yaw", "panda_joint1")
     few = load_robot(replace(spec, group=("panda_joint2",), locked={"base_y": 0.5}))
@@ -75,7 +75,7 @@ def test_invalid_bases_are_refused(tmp_path: Path) -> None:
         ("[-1.0, 1.0]", "[1.0]", r"robot\.base_joints\.y: must be a list of 2"),
         ('"yaw"', '"yow"', r"robot\.base_joints: unknown key 'yow' \(did you mean 'yaw'\?\)"),
         (', "yaw": [-3.0, 3.0]', "", r"robot\.base_joints: the key 'yaw' is missing"),
-        ('"x": [', '"kind": round, "x": [', r"robot\.base_joints\.kind: unknown value 'round'"),
+        ('"kind": "planar"', '"kind": "round"', r"robot\.base_joints\.kind: unknown value 'round'"),
     ):
         changed = text.replace(old, new) if old in text else text.replace(old.replace('"', ""), new.replace('"', ""))
         assert changed != text
@@ -106,7 +106,7 @@ def spec(tmp_path: Path) -> RobotSpec:
 
 
 def test_joints_without_limits_go_the_short_way_round(spec: RobotSpec) -> None:
-    """From any start to any goal by at most half a turn; a note gives the value where it differs from the scene's."""
+    """They turn at most by half a turn from any start to any goal; a note gives a value that is not the scene's."""
     rng = np.random.default_rng(2)
     for start, goal in rng.uniform(-20.0, 20.0, (200, 2)).tolist():
         setup = Setup.of(Scene(robot=spec, start=[start], goal=[goal]))
@@ -146,7 +146,7 @@ def test_a_start_counts_as_it_stands(spec: RobotSpec) -> None:
             assert not [note for note in again.notes if "the guess's ends were moved" in note]
 
 
-def test_where_something_stands_in_the_short_way_the_long_one_is_taken(spec: RobotSpec) -> None:
+def test_the_long_way_is_taken_where_something_stands_in_the_short_one(spec: RobotSpec) -> None:
     ball = hdplan.Obstacle("ball", hdplan.Sphere(0.1), Pose((-0.5, 0.0, 0.0)))
     scene = Scene(robot=spec, obstacles=[ball], start=[2.5], goal=[-2.5])
     straight = Trajectory(("turn",), np.array([[2.5], [2 * math.pi - 2.5]]))

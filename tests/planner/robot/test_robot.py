@@ -128,7 +128,7 @@ def test_locked_joints_take_the_value_even_a_little_beyond_limits() -> None:
 
 @pytest.mark.parametrize("value", [-50.0, 3.01, -3.01])
 def test_a_joint_held_where_it_cannot_be_is_refused(value: float) -> None:
-    """In robot.locked, and where a scene's start holds it."""
+    """robot.locked holds it there, or a scene's start."""
     words = rf"joint 'panda_joint1' is to be held at {value:g}, more than 0\.1 beyond its limits"
     with pytest.raises(InputError, match=words):
         load_robot(RobotSpec(name="panda", locked={"panda_joint1": value}))
@@ -414,7 +414,7 @@ def test_a_mesh_that_a_urdf_mirrors_is_a_solid_still(tmp_path: Path) -> None:
 
 
 def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is kept of a robot is what its files say, even if one changes between its reading and the last one's."""
+    """A kept robot is what its files say, even if one changes between its reading and the last one's."""
     urdf, mesh = tmp_path / "arm.urdf", tmp_path / "ball.obj"
     urdf.write_text(ARM.format(kind="revolute", offset=1).replace(BALL, '<mesh filename="ball.obj"/>'))
     trimesh.creation.icosphere(1, 0.05).export(mesh)
@@ -473,7 +473,7 @@ def test_a_pair_apart_at_the_far_end_of_a_long_slide_is_checked(tmp_path: Path) 
     assert certify(scene, onto).status is Status.IN_CONTACT
 
 
-def test_pairs_that_the_scene_asks_to_check_are_checked_whatever_the_srdf_says() -> None:
+def test_check_pairs_are_checked_whatever_the_srdf_says() -> None:
     """Disabled ones and neighbours; not links that move as one, which motions do not change."""
     plain = load_robot("panda")
     disabled, neighbours = ("panda_link5", "panda_link7"), ("panda_link1", "panda_link2")

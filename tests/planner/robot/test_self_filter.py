@@ -67,7 +67,7 @@ def in_world(points: Array, pose: Pose = TURNED) -> Array:
 
 @pytest.mark.parametrize("base", [Pose(), Pose((0.1, 0.2, 1.5), (1.0, 0.0, 0.0, 0.0))])
 def test_exactly_the_points_within_the_margin_are_left_out(base: Pose) -> None:
-    """Of a robot that stands, and of one that hangs, with what it holds."""
+    """The robot stands or hangs, with what it holds."""
     around = in_world(np.random.default_rng(0).uniform([-0.6, -0.6, -0.2], [0.8, 0.8, 1.2], size=(4000, 3)), base)
     points = (around - TURNED.matrix[:3, 3]) @ TURNED.matrix[:3, :3]
     held = Attached("bar", "panda_hand", Box((0.02, 0.4, 0.02)), Pose((0.0, 0.0, 0.15)))
@@ -107,7 +107,7 @@ def test_points_deep_inside_a_thick_mesh_are_in_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(kept(setup), points[~(inside | near)])
 
 
-def test_without_a_request_nothing_is_left_out() -> None:
+def test_nothing_is_left_out_without_a_request() -> None:
     points = np.random.default_rng(0).uniform(-1.0, 1.0, size=(1000, 3))
     scene = scene_with(points)
     assert Setup.of(scene).scene is scene
@@ -181,7 +181,7 @@ def test_points_in_an_open_link_are_left_out_and_in_an_open_box_they_stay(tmp_pa
     assert [note for note in certificate.notes if "view" in note] == notes
 
 
-def test_what_an_image_saw_out_of_range_is_counted() -> None:
+def test_pixels_out_of_range_are_counted() -> None:
     image = np.full((6, 8), 2.0)
     image[0, :5], image[1, 0], image[2, 0] = 9.0, 0.0, np.nan
     view = Obstacle("view", Cloud(hdplan.DepthImage(image, [10, 10, 4, 3], scale=1.0)), TURNED)

@@ -83,7 +83,7 @@ def robots(seed: int, count: int, folder: Path) -> list[RobotSpec]:
 
 
 def test_pairs_that_are_proven_never_to_touch_do_not(tmp_path: Path) -> None:
-    """At random configurations and at the corners of the limits, also with held joints a little beyond theirs."""
+    """Random configurations and the corners of the limits are tried, also with held joints a little beyond theirs."""
     rng, seen = np.random.default_rng(5), 0
     for spec in robots(3, 40, tmp_path):
         free = load_robot(spec)

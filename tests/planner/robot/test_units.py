@@ -53,7 +53,7 @@ def test_joint_values_in_degrees() -> None:
 
 @pytest.mark.parametrize("scale", [1.0, 0.001])
 def test_meshes_in_millimetres(tmp_path: Path, scale: float) -> None:
-    """Of an obstacle, and of a link; in metres they get no note."""
+    """An obstacle's and a link's meshes in metres get no note."""
     trimesh.creation.box((300.0, 400.0, 500.0)).apply_scale(scale).export(tmp_path / "thing.stl")
     place = hdplan.Pose([2000.0, 0.0, 0.0])
     thing = hdplan.Obstacle("thing", hdplan.Mesh(tmp_path / "thing.stl"), place)

@@ -48,7 +48,7 @@ def test_a_long_step_is_named_while_it_lasts(errors: io.StringIO) -> None:
 
 
 @pytest.mark.usefixtures("long_at_once")
-def test_what_a_step_is_at_is_named(errors: io.StringIO) -> None:
+def test_the_place_of_a_step_is_named(errors: io.StringIO) -> None:
     with console.waiting("building"):
         lines_with(errors.getvalue, "building")
         tell("fitting bodies to arm_link")

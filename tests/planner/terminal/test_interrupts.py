@@ -197,7 +197,7 @@ def test_signal_handlers_are_restored() -> None:
     assert (INTERRUPTED, TERMINATED) == (128 + signal.SIGINT, 128 + signal.SIGTERM)
 
 
-def test_what_is_ignored_stays_so_and_other_errors_in_destructors_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ignored_signals_stay_ignored_and_destructors_errors_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     errors: list[type[BaseException]] = []
     monkeypatch.setattr(sys, "unraisablehook", lambda lost: errors.append(lost.exc_type))
 

@@ -18,7 +18,7 @@ from ..urdf import joint_text, link_text, robot_text
 URDF = robot_text(link_text("base"), link_text("arm", box="1 1 1"), joint_text("turn", "base", "arm"), name="two")
 
 
-def test_what_is_kept_is_what_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_counts_are_those_of_the_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     urdf, loads = tmp_path / "two.urdf", list[str]()
     urdf.write_text(URDF)
     read = load_robot

@@ -58,7 +58,7 @@ def test_braking_keeps_its_limits_from_the_state_to_standstill(swing: float) -> 
 
 
 def test_braking_takes_hardly_longer_than_it_must() -> None:
-    """From a velocity alone, with limits a and j: v/a + a/j, or 2 √(v/j) if a is not reached."""
+    """A velocity alone takes, with limits a and j, v/a + a/j, or 2 √(v/j) if a is not reached."""
     for seed in range(0, 120, 3):
         velocity, acceleration, limits = drawn(seed)
         braking = brake(velocity, acceleration, limits, H)

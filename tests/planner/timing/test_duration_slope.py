@@ -54,7 +54,7 @@ def test_the_slope_is_the_difference_quotient_but_at_kinks() -> None:
     assert smooth_ones >= 12
 
 
-def test_so_is_that_with_torques() -> None:
+def test_the_slope_with_torques_is_the_difference_quotient_but_at_kinks() -> None:
     rng, (setup, torques) = np.random.default_rng(2), carrying(3.0)
     limits = [RateLimit(1, np.full(7, 2.0)), RateLimit(2, np.full(7, 15.0)), torques]
     middle, bound, smooth_ones = 0.5 * (setup.robot.lower + setup.robot.upper), 0, 0

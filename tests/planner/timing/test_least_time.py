@@ -32,7 +32,7 @@ def test_the_profile_of_that_time_goes_just_as_far() -> None:
         assert reached(time, v, a, j) == pytest.approx(way, rel=1e-9)
 
 
-def test_known_cases() -> None:
+def test_least_times_of_known_cases() -> None:
     way = np.array([2.0, 0.5, 0.0])
     velocity = {"velocity": np.full(3, 2.0)}
     np.testing.assert_allclose(least_times(way, velocity), [1.0, 0.25, 0.0], atol=1e-9)

@@ -125,7 +125,7 @@ def test_a_straight_motion_takes_no_longer_than_it_must() -> None:
 
 
 def test_the_smooth_path_stays_within_the_hull_of_the_polyline() -> None:
-    """Within the limits wherever the waypoints are; on a straight line it is the line itself, at the same pace."""
+    """It is within the limits wherever the waypoints are; on a straight line it is the line, at the same pace."""
     rng = np.random.default_rng(0)
     waypoints = np.clip(rng.normal(size=(12, 3)), -0.5, 0.5)  # many rest on a limit
     found = smooth(waypoints)(np.linspace(0, 1, 1001))
@@ -196,7 +196,7 @@ def test_an_averaged_law_keeps_what_the_law_keeps_and_is_its_average() -> None:
 
 @pytest.mark.parametrize("jerk", [0.5, 5.0, 60.0, 1e4, 1e6])
 def test_any_limit_of_jerk_is_kept(jerk: float) -> None:
-    """However much time it takes beside what velocity and acceleration need, also with few rows or many."""
+    """It may take much time beside what velocity and acceleration need; rows are few or many."""
     rng = np.random.default_rng(4)
     for rate in (3.0, 50.0, 400.0 if jerk > 10.0 else 20.0):
         scene, robot = limited(Limits(velocity=2.0, acceleration=15.0, jerk=jerk), Timing(rate=rate))
@@ -230,7 +230,7 @@ def test_a_double_s_is_met_but_for_a_few_thousandths(rate: float) -> None:
 
 
 def test_a_limit_that_breaks_only_between_the_rows_is_reported() -> None:
-    """At every row the velocity is 0: samples at the rows would find nothing."""
+    """The velocity is 0 at every row: samples at the rows would find nothing."""
     scene, robot = limited(Limits(velocity=1.0, acceleration=1e3))
     rows = np.zeros((3, robot.n))
     rows[1, 2] = 0.8
@@ -289,7 +289,7 @@ def test_the_pallets_motion_is_too_rough_without_its_limit_of_jerk() -> None:
     assert "jerk" in verdict.text
 
 
-def test_what_the_scene_does_not_limit_is_not_looked_at() -> None:
+def test_rates_that_the_scene_does_not_limit_are_not_checked() -> None:
     scene = load_scene("panda_bookshelf")
     assert hdplan.plan(scene).certificate.uses == ()
 
@@ -330,7 +330,7 @@ def test_a_path_along_a_joint_limit_stays_within_it(rate: float) -> None:
 @pytest.mark.parametrize("jerk", [1.0, 10.0, 1e3])
 @pytest.mark.parametrize("joints", [1, 7])
 def test_a_path_that_turns_back_finds_a_law_however_quick_it_may_be_there(jerk: float, joints: int) -> None:
-    """Where all of a path turns back, u̇ may jump: jerk that no wider window lowers calls for a slower law, not none."""
+    """Jumps of u̇ are possible there: jerk that no wider window lowers calls for a slower law, not none."""
     scene, robot = limited(Limits(velocity=50.0, acceleration=1e4, jerk=jerk))
     rng = np.random.default_rng([joints, round(jerk)])
     way = np.cumsum(np.where(np.arange(robot.n) < joints, rng.normal(scale=0.1, size=(8, robot.n)), 0.0), axis=0)

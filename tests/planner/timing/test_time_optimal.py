@@ -85,8 +85,8 @@ def test_loop_and_twin_agree_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.parametrize("loops", [True, False], ids=["loop", "twin"])
-def test_where_there_is_no_law_it_is_reported(monkeypatch: pytest.MonkeyPatch, loops: bool) -> None:
-    """Nor for limits that are not numbers; without limits, a law is as fast as it gets."""
+def test_the_absence_of_a_law_is_reported(monkeypatch: pytest.MonkeyPatch, loops: bool) -> None:
+    """Limits that are not numbers have none, either; without limits, a law is as fast as it gets."""
     if not loops:
         in_numpy(monkeypatch, module)
     one = np.ones((GRID + 1, 1))

@@ -105,7 +105,7 @@ def kept(browser: Any, watched: Viewer) -> Iterator[Any]:
 
     tabs = Tabs(browser)
     tabs(watched.address())
-    tabs.blank = browser.new_page()  # stands before the page where no test looks at it: it would draw on and on
+    tabs.blank = browser.new_page()  # hides the page where no test looks at it, as drawing never ends
     yield tabs
     tabs.blank.close()
     tabs.close()

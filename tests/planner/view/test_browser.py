@@ -74,7 +74,7 @@ def test_plan_works(page: Any, viewer: Viewer) -> None:
 
 
 @pytest.mark.slow  # without a page `test_viewer` drags it
-def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene: Scene) -> None:
+def test_a_drag_by_the_mouse_takes_the_verdict_away(tab: Tabs, scene: Scene) -> None:
     """While the button is still pressed: nothing on the page says certified, and the file says what holds."""
     viewer = plainly(scene)
     viewer.panel.live.set(False)

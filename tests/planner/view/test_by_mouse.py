@@ -234,7 +234,7 @@ def test_a_motion_that_no_longer_holds_is_red_until_another_is_found(
     assert page.get_by_text("certified: at least").count() == 0
     assert page.get_by_text("of an older scene").count()
     assert active.motion.scene is not before
-    drawn = np.unique(viewer.motion_nodes.of(active).path._node.colors.reshape(-1, 3), axis=0)
+    drawn = np.unique(viewer.motion_nodes.of(active).path.node.colors.reshape(-1, 3), axis=0)
     np.testing.assert_array_equal(drawn, [intensities(np.uint8(CONTACT))])
     released.set()
     page.get_by_text("certified: at least").first.wait_for()

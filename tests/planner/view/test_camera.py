@@ -99,7 +99,7 @@ def test_a_path_is_seen_from_its_side() -> None:
         assert abs(ahead @ [np.cos(angle), np.sin(angle)]) < 0.75
 
 
-def test_what_is_in_a_box_is_not_hidden_by_it() -> None:
+def test_a_box_does_not_hide_its_content() -> None:
     """A bin's box is full of air."""
     box = Boxes.around([np.array([[[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]])], [np.eye(4)])
     assert not box.hide(np.array([5.0, 0.0, 0.0]), np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])).any()

@@ -30,7 +30,7 @@ def seen() -> Scene:
     return Scene(robot="panda", obstacles=[view], start=START, goal=[0.5, *START[1:]])
 
 
-def test_what_is_left_out_is_shown_on_request(opened: Opener) -> None:
+def test_points_left_out_are_shown_on_request(opened: Opener) -> None:
     viewer = opened(seen())
     assert viewer.stage.left_out is not None
     assert len(viewer.stage.left_out.points) == 2
@@ -78,7 +78,7 @@ def test_points_are_sent_once_and_coloured_by_height_or_by_clearance(opened: Ope
     np.testing.assert_array_equal(cloud.points.colors.astype(float).sum(axis=1), bright)
 
 
-def test_its_boxes_are_seen_only_where_they_mean_something(opened: Opener) -> None:
+def test_boxes_of_a_cloud_are_seen_only_where_it_is_selected_or_touched(opened: Opener) -> None:
     viewer = opened(seen())
     (cloud,) = viewer.stage.clouds
     assert cloud.mesh.opacity == 0.0

@@ -14,19 +14,12 @@ from typing import Any
 
 import pytest
 
-import hdplan
-from hdplan import cli
+from hdplan import prove
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.front import motion_names
+from tests.commands import Command, refused
 
 LOADING = "hdplan: loading the robot's meshes ...\n"  # written where loading takes long
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["hdplan", "view", *map(str, arguments)])
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    return int(caught.value.code or 0)
 
 
 def without(*missing: str) -> Callable[..., Any]:
@@ -35,12 +28,9 @@ def without(*missing: str) -> Callable[..., Any]:
     return lambda name, *rest: None if name in missing else found(name, *rest)
 
 
-def test_a_missing_viser_is_reported_in_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_viser_is_reported_in_one_line(hdplan: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", without("viser"))
-    assert run(monkeypatch, "planar_arm") == 2
-    assert capsys.readouterr().err.strip().endswith("pip install viser")
+    refused(hdplan("view", "planar_arm"), "pip install viser")
 
 
 @pytest.mark.parametrize(
@@ -55,29 +45,16 @@ def test_a_missing_viser_is_reported_in_one_line(
         "no film": (["planar_arm", "--video", "film.gif"], "no motion to record"),
         "ending of a film": (["planar_arm", "m.json", "--video", "film.avi"], "allowed are .mp4, .gif"),
         "folder": (["planar_arm", "m.json", "--video", "none/film.gif"], "none"),
-        "both": (
-            ["planar_arm", "m.json", "--proof", "p.proof", "--record", "p.html"],
-            "--proof: applies to",
-        ),
+        "both": (["planar_arm", "m.json", "--proof", "p.proof", "--record", "p.html"], "--proof: applies to"),
         "no server": (["planar_arm", "m.json", "--video", "f.gif", "--port", "8081"], "--port: applies to the viewer"),
     }.values(),
 )
-def test_bad_input_is_one_line(
-    arguments: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run(monkeypatch, *arguments) == 2
-    errors = capsys.readouterr().err.strip()
-    assert message in errors
-    assert "\n" not in errors
+def test_bad_input_is_one_line(arguments: list[str], message: str, hdplan: Command) -> None:
+    refused(hdplan("view", *arguments), message)
 
 
 def test_a_page_and_a_film_are_written_without_viser(
-    trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hdplan: Command
 ) -> None:
     trajectory.save(tmp_path / "motion.json")
     page, film = tmp_path / "page.html", tmp_path / "film.gif"
@@ -85,8 +62,9 @@ def test_a_page_and_a_film_are_written_without_viser(
     monkeypatch.setattr("hdplan.planner.page.film.find_browser", lambda: None)
     monkeypatch.setattr("hdplan.planner.page.film.RATES", {".gif": 1})
     monkeypatch.setattr("hdplan.planner.page.film.SIZE", (320, 180))
-    assert run(monkeypatch, "planar_arm", tmp_path / "motion.json", "--record", page, "--video", film) == 0
-    printed = "".join(capsys.readouterr().out.split())  # long names may be broken over lines
+    done = hdplan("view", "planar_arm", tmp_path / "motion.json", "--record", page, "--video", film)
+    assert done.code == 0
+    printed = "".join(done.out.split())  # long names may be broken over lines
     assert f"written{page}" in printed
     assert f"written{film},drawnbymatplotlib,asthereisnoChromiumorChrome" in printed
     assert page.read_bytes().startswith(b"<!doctype html>")
@@ -94,7 +72,7 @@ def test_a_page_and_a_film_are_written_without_viser(
 
 
 def test_a_film_that_is_interrupted_is_no_film(
-    trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hdplan: Command
 ) -> None:
     """It ends with the exit code of Ctrl-C, not with that of a film that was written, and leaves nothing."""
 
@@ -104,7 +82,7 @@ def test_a_film_that_is_interrupted_is_no_film(
     trajectory.save(tmp_path / "motion.json")
     monkeypatch.setattr("hdplan.planner.page.film.find_browser", lambda: None)
     monkeypatch.setattr("hdplan.planner.page.film._drawings", interrupted)
-    assert run(monkeypatch, "planar_arm", tmp_path / "motion.json", "--video", tmp_path / "film.gif") == 130
+    assert hdplan("view", "planar_arm", tmp_path / "motion.json", "--video", tmp_path / "film.gif").code == 130
     assert [path.name for path in tmp_path.iterdir()] == ["motion.json"]
 
 
@@ -132,13 +110,11 @@ def test_motions_get_names_that_differ() -> None:
     assert names == ["a/one.json", "b/one.json", "two.csv", "two.csv (2)"]
 
 
-def test_a_proof_of_another_motion_is_refused(
-    trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_proof_of_another_motion_is_refused(trajectory: Trajectory, tmp_path: Path, hdplan: Command) -> None:
     motion, other, proof = (tmp_path / name for name in ("motion.json", "other.json", "motion.proof"))
     trajectory.save(motion)
     other.write_text(motion.read_text().replace("0.", "0.0", 1))
-    hdplan.prove("planar_arm", motion).save(proof)
+    prove("planar_arm", motion).save(proof)
     for arguments, message in (
         (["planar_arm", other, "--proof", proof], "not the file that was proven"),
         (["planar_arm", motion, "--proof", tmp_path / "none.proof"], "no such file"),
@@ -147,10 +123,8 @@ def test_a_proof_of_another_motion_is_refused(
         (["planar_arm", motion, other, "--proof", proof], "about one motion, but 2"),
         (["panda_cage", motion, "--proof", proof], "motion.proof"),
     ):
-        assert run(monkeypatch, *arguments) == 2
-        errors = capsys.readouterr().err.replace(LOADING, "").strip()
-        assert message in errors
-        assert "\n" not in errors
+        done = hdplan("view", *arguments)
+        refused(done._replace(err=done.err.replace(LOADING, "")), message)
 
 
 HEAVY = (

@@ -178,7 +178,7 @@ def test_of_a_scene_that_could_not_be_shown_nothing_is_known(document: Document,
     assert document.holds(document.motions.shown[0])
 
 
-def test_what_is_refused_changes_nothing(document: Document, hall: Hall) -> None:
+def test_refused_edits_change_nothing(document: Document, hall: Hall) -> None:
     before = document.edited
     document.locked.add(before.scene.obstacles[0].name)
     with pytest.raises(InputError, match="is locked"):

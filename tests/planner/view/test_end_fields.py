@@ -28,7 +28,7 @@ def test_typed_values_hold_and_are_undone(opened: Opener, name: str, thing: Thin
     before, first = viewer.edited, place(viewer, thing)
     typed(viewer, viewer.panel.ends._fields, "turned [°]", tuple(np.add(scene_edits.turn_of(first), (0.0, 5.0, 0.0))))
     turned = place(viewer, thing)
-    assert "not done" not in viewer.panel.editing.text
+    assert "not done" not in viewer.panel.editing.text.content
     assert turned.quaternion_xyzw != first.quaternion_xyzw
     np.testing.assert_allclose(turned.position, first.position, atol=1e-3)
     x, y, z = turned.position
@@ -54,12 +54,12 @@ def test_poses_out_of_the_tips_reach_are_refused(opened: Opener) -> None:
     before = viewer.edited
     typed(viewer, viewer.panel.ends._fields, "at [m]", (5.0, 0.0, 0.0))
     assert viewer.edited is before
-    assert "from this posture the tip stays" in viewer.panel.editing.text
+    assert "from this posture the tip stays" in viewer.panel.editing.text.content
     typed(viewer, viewer.panel.ends._fields, "x y z w", "0 0 0 zero")
-    assert "must be a number" in viewer.panel.editing.text
+    assert "must be a number" in viewer.panel.editing.text.content
     typed(viewer, viewer.panel.ends._fields, "x y z w", "0 0 0 0")
-    assert "not all 0" in viewer.panel.editing.text
+    assert "not all 0" in viewer.panel.editing.text.content
     assert viewer.edited is before
     by_worker(viewer, lambda: viewer.panel.handles.select(None))
     by_worker(viewer, lambda: viewer.panel.editing.do(viewer.panel.ends.snap))
-    assert "neither start nor goal" in viewer.panel.editing.text
+    assert "neither start nor goal" in viewer.panel.editing.text.content

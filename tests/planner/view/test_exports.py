@@ -72,7 +72,7 @@ def test_all_of_it_is_of_the_scene_at_the_request(
     assert [each.name for each in load_scene(files[0]).obstacles] == [each.name for each in before.obstacles]
 
 
-def test_what_is_not_certified_is_not_saved(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
+def test_an_uncertified_motion_is_not_archived(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
     viewer = opened(scene)
     download(viewer, exports.ARCHIVE)
     assert "not saved: there is no motion yet" in status(viewer)

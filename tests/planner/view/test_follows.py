@@ -38,8 +38,8 @@ def test_the_robot_is_where_it_reports_itself(viewer: Viewer, trajectory: Trajec
         assert viewer.worker.settle(20)
         np.testing.assert_array_equal(viewer.stage.robot.q, q)
     nearest = next(filter(None, viewer.certifier.closest(q)))
-    assert millimetres(nearest.distance) in viewer.panel.clearance
-    assert "the robot itself" in viewer.panel.clearance
+    assert millimetres(nearest.distance) in viewer.panel.clearance.content
+    assert "the robot itself" in viewer.panel.clearance.content
     assert viewer.panel.verdict == verdict
     assert viewer.stage.report_label.visible
     (shown,) = viewer.motions.shown
@@ -52,7 +52,7 @@ def test_the_robot_is_where_it_reports_itself(viewer: Viewer, trajectory: Trajec
     np.testing.assert_allclose(viewer.stage.robot.q, trajectory.positions[-1])
     assert not viewer.stage.report_label.visible
     assert not viewer.motion_nodes.of(shown).robot.visible
-    assert "the robot itself" not in viewer.panel.clearance
+    assert "the robot itself" not in viewer.panel.clearance.content
 
 
 def test_a_proof_says_nothing_of_a_report(viewer: Viewer) -> None:
@@ -61,7 +61,7 @@ def test_a_proof_says_nothing_of_a_report(viewer: Viewer) -> None:
     viewer.state([0.3, -0.7])
     assert viewer.worker.settle(20)
     assert not viewer.panel.layers.plane.slab.visible
-    assert "proven" not in viewer.panel.layers.plane.text
+    assert "proven" not in viewer.panel.layers.plane.text.content
 
 
 def test_a_report_grows_old(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:

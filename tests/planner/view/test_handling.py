@@ -53,7 +53,7 @@ def sent(viewer: Viewer, handle: Any, value: object, wait: bool = True) -> None:
 
 def status(viewer: Viewer) -> str:
     """What the panel says of the last edit."""
-    return html.unescape(re.sub("<[^>]*>", "", viewer.panel.editing.text))
+    return html.unescape(re.sub("<[^>]*>", "", viewer.panel.editing.text.content))
 
 
 def selected(viewer: Viewer) -> Obstacle:
@@ -105,7 +105,7 @@ def test_an_obstacle_is_added_named_resized_duplicated_and_deleted(viewer: Viewe
     assert viewer.scene is first
 
 
-def test_what_a_browser_may_send_is_taken_whole_or_refused_in_a_line(viewer: Viewer) -> None:
+def test_any_value_of_a_browser_is_taken_whole_or_refused_in_a_line(viewer: Viewer) -> None:
     """At random, over all fields: a scene that cannot be saved and read again is never shown."""
     rng = np.random.default_rng(4)
     numbers = [0.0, -1.0, 0.05, 1e-9, 1e7, float("nan"), float("inf"), 0.1234567]
@@ -353,7 +353,7 @@ def test_the_planner_s_settings_are_those_of_the_plan(opened: Opener, scene: Sce
     viewer.panel.planning.toggle()
     until(lambda: not viewer.panel.planning.running, "the plan ends")
     assert viewer.worker.settle(20)
-    assert "seed" in viewer.panel.planning.text
+    assert "seed" in viewer.panel.planning.text.content
 
 
 def test_a_mesh_is_sent_and_saved_beside_the_scene(viewer: Viewer, tmp_path: Path) -> None:
@@ -492,7 +492,7 @@ def test_a_motion_that_does_not_fit_the_edited_scene_is_reported_and_fits_again(
     assert "certified" in viewer.panel.verdict
 
 
-def test_what_is_typed_while_another_field_is_edited_is_not_lost(viewer: Viewer) -> None:
+def test_a_value_typed_while_another_field_is_edited_is_not_lost(viewer: Viewer) -> None:
     """Not in the scene, and not in the field: values that wait are those that were sent."""
     by_worker(viewer, lambda: viewer.panel.handles.select(Thing("obstacle", "ball")))
     began, gate = threading.Event(), threading.Event()

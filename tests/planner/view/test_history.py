@@ -55,7 +55,7 @@ def dragged(viewer: Viewer, x: float) -> None:
 
 
 @pytest.mark.parametrize("do", ["rename", "remove", "plan"])
-def test_what_is_done_to_a_motion_is_undone_and_done_again(viewer: Viewer, do: str) -> None:
+def test_changes_of_motions_are_undone_and_redone(viewer: Viewer, do: str) -> None:
     before, motion = seen(viewer), viewer.motions.shown[1].motion
     shown = viewer.motions.shown[1]
     if do == "plan":
@@ -98,7 +98,7 @@ def test_a_motion_that_live_replaced_comes_back_and_stays(viewer: Viewer) -> Non
 
 
 @pytest.mark.parametrize("meanwhile", ["choose", "undo", "remove"])
-def test_what_is_planned_late_takes_no_other_motion_s_place(
+def test_a_late_plan_takes_no_other_motions_place(
     viewer: Viewer, monkeypatch: pytest.MonkeyPatch, meanwhile: str
 ) -> None:
     """Chosen, brought back, or left over after a removal while a plan was under way."""

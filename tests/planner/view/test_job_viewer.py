@@ -182,7 +182,7 @@ def test_a_dragged_object_takes_its_stages_along_and_is_planned(opened: Open, sc
     assert viewer.first.scene is scene
 
 
-def test_what_was_refused_changes_nothing(opened: Open, scene: Scene, planned: JobResult) -> None:
+def test_refused_scenes_and_motions_change_nothing(opened: Open, scene: Scene, planned: JobResult) -> None:
     viewer = opened(scene, planned.trajectory)
     before = viewer.edited
     other = derived(scene, job=hdplan.Job([hdplan.Wait(1.0)]))
@@ -240,7 +240,9 @@ def test_layers_are_switched_and_follow_the_motion(opened: Open, scene: Scene, p
     for now in (0.3, 0.6):
         viewer.player.go_to(now * viewer.player.timeline.end)
         viewer.worker.settle()
-        assert not any(each.visible for each in (stage.robot, stage.standing.root, stage.closest.root, stage._path))
+        assert not any(
+            each.visible for each in (stage.robot, stage.standing.root, stage.closest.root, stage._path.node)
+        )
         assert layers._collisions is not None
         np.testing.assert_array_equal(layers._collisions[1].q, stage.robot.q)
         assert len(layers._frames.axes.points) == viewer.robot.model.njoints - 1
@@ -248,11 +250,11 @@ def test_layers_are_switched_and_follow_the_motion(opened: Open, scene: Scene, p
     for name in LAYERS:
         layers.set(name, not layers.on(name))
     viewer.worker.settle()
-    assert all(each.visible for each in (stage.robot, stage.standing.root, stage.closest.root, stage._path))
+    assert all(each.visible for each in (stage.robot, stage.standing.root, stage.closest.root, stage._path.node))
     assert layers._collisions is None
 
 
-def test_what_is_saved_is_read_again_and_certified(
+def test_saved_files_are_read_again_and_certified(
     opened: Open, scene: Scene, planned: JobResult, tmp_path: Path
 ) -> None:
     viewer = opened(scene, planned.trajectory)
@@ -270,12 +272,12 @@ def test_what_is_saved_is_read_again_and_certified(
     assert sent == ["panda_pick_place.yaml", "job.json", "panda_pick_place.html"]
     again = certify_job(load_scene(tmp_path / sent[0]), Trajectory.load(tmp_path / sent[1]))
     assert again.certified
-    assert again.text in html.unescape(viewer.saving.text)
+    assert again.text in html.unescape(viewer.saving.text.content)
     by_worker(viewer, lambda: viewer.change(EditedJob.of(derived(scene, name="other"))))
-    assert viewer.saving.text == ""  # it was of another scene
+    assert viewer.saving.text.content == ""  # it was of another scene
     viewer.saving._download("motion", client)
     viewer.worker.settle()
-    assert "no motion of this job yet" in viewer.saving.text
+    assert "no motion of this job yet" in viewer.saving.text.content
 
 
 def test_by_mouse_a_job_is_planned_and_a_stage_is_gone_to(browser: Any, tab: Any) -> None:

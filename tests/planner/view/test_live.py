@@ -54,7 +54,7 @@ def test_a_motion_follows_what_is_dragged(viewer: Viewer) -> None:
         assert active.motion.certificate.text == certificate.text
         assert certificate.certified
     assert viewer.panel.live.count == 8
-    assert "certified motions a second" in viewer.panel.live.text
+    assert "certified motions a second" in viewer.panel.live.text.content
     assert not active.motion.measured
     by_worker(viewer, viewer.panel.handles.let_go)
     assert active.motion.measured
@@ -153,7 +153,7 @@ def test_it_switches_itself_off_where_plans_take_long_unless_somebody_chose(open
     assert viewer.panel.live.on
     viewer.panel.live.learn(2.0)
     assert not viewer.panel.live.on
-    assert "takes more than" in viewer.panel.live.text
+    assert "takes more than" in viewer.panel.live.text.content
     viewer.panel.live.learn(0.2)
     assert viewer.panel.live.on
     viewer.panel.live.set(True)

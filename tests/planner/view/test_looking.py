@@ -48,7 +48,7 @@ def test_the_outline_goes_with_the_robot(opened: Opener, scene: Scene) -> None:
     np.testing.assert_array_equal(again, Outline(viewer.robot).at(viewer.edited.start))
 
 
-def test_what_stands_before_the_eye_fades_and_comes_back(viewer: Viewer, scene: Scene) -> None:
+def test_an_obstacle_before_the_eye_fades_and_comes_back(viewer: Viewer, scene: Scene) -> None:
     view = viewer.panel.looking.view("best", 1.2)
     wall = Obstacle("wall", Box((0.6, 0.6, 0.6)), Pose(tuple((0.8 * view.eye + 0.2 * view.target).tolist())))
     away = replace(wall, pose=Pose(tuple((view.eye + [0.0, 0.0, 30.0]).tolist())))
@@ -85,11 +85,7 @@ def test_a_body_before_the_handle_lets_the_mouse_through(viewer: Viewer, scene: 
     every = clicked()
     assert every == {each.name for each in viewer.scene.obstacles}
     assert all(ghosts())
-    for thing, through in (
-        (Thing("obstacle", ball.name), {ball.name, "wall"}),
-        (GOAL, set()),
-        (None, set()),
-    ):
+    for thing, through in ((Thing("obstacle", ball.name), {ball.name, "wall"}), (GOAL, set()), (None, set())):
         viewer.worker.ask("select", lambda thing=thing: viewer.panel.handles.select(thing))
         assert every - clicked() == through
         assert all(ghosts()) == (thing != GOAL)

@@ -63,12 +63,12 @@ def test_two_clicks_measure_and_a_third_starts_over(opened: Opener, scene: Scene
     assert measuring.points == []  # nobody measures
     measuring.switch.value = True
     clicked(viewer, (2.0, 3.0))
-    assert "second point" in measuring.text
+    assert "second point" in measuring.text.content
     clicked(viewer, (9.0, 9.0))
-    assert "nothing is there" in measuring.text
+    assert "nothing is there" in measuring.text.content
     clicked(viewer, (3.0, 3.0))
     np.testing.assert_allclose(measuring.points, [[2.0, 3.0, 0.5], [3.0, 3.0, 1.0]], atol=1e-9)
-    assert f"{1e3 * np.hypot(1.0, 0.5):.1f} mm apart: x +1000.0, y +0.0, z +500.0 mm" in measuring.text
+    assert f"{1e3 * np.hypot(1.0, 0.5):.1f} mm apart: x +1000.0, y +0.0, z +500.0 mm" in measuring.text.content
     assert measuring._label.visible
     viewer.panel.handles._clicked(Thing("obstacle", "at 1"), False)
     assert viewer.panel.handles.selected is None  # a click sets a point, and selects nothing

@@ -55,7 +55,7 @@ def test_work_given_up_is_notified_and_later_work_is_not() -> None:
     newest.end()
 
 
-def test_what_comes_after_the_work_is_called_when_it_no_longer_runs() -> None:
+def test_the_follow_up_is_called_once_the_work_has_ended() -> None:
     """So that a listener to a result does not find the thread at work on it."""
     ran: list[bool] = []
     newest: Newest[int] = Newest("test", lambda wish, turn: lambda: ran.append(newest.running))

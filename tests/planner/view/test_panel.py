@@ -41,15 +41,15 @@ def test_refused_values_leave_their_fields(viewer: Viewer) -> None:
     before = {name: field_of(fields, name).value for name in values}
     for name, value in values.items():
         assert typed(viewer, fields, name, value).value == value
-        assert "not done: " in viewer.panel.editing.text
+        assert "not done: " in viewer.panel.editing.text.content
     until(lambda: all(field_of(fields, name).value == before[name] for name in values), "the earlier values come back")
-    assert "not done: " in viewer.panel.editing.text
+    assert "not done: " in viewer.panel.editing.text.content
 
 
 def test_an_exponent_is_refused_in_words(viewer: Viewer) -> None:
     before = viewer.edited
     tell(viewer, do="exponent")
-    assert "without an exponent" in viewer.panel.editing.text
+    assert "without an exponent" in viewer.panel.editing.text.content
     assert viewer.edited is before
 
 
@@ -63,7 +63,7 @@ def test_a_message_about_a_file_disappears_with_its_motion(viewer: Viewer) -> No
     by_worker(viewer, lambda: viewer.panel.editing.say("opened: the scene"))
     by_worker(viewer, lambda: viewer.panel.handles.drag(Pose((place.position[0] + 0.01, *place.position[1:]))))
     assert saving._text.content == ""
-    assert viewer.panel.editing.text == ""
+    assert viewer.panel.editing.text.content == ""
     by_worker(viewer, saving.scene_file)
     assert "saved: the scene" in saving._text.content
     by_worker(viewer, viewer.document.undo)

@@ -30,7 +30,7 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
 
 def drawn(viewer: Viewer, shown: Shown) -> np.ndarray:
     """The colours of a path, each once (c, 3)."""
-    return np.unique(np.asarray(viewer.motion_nodes.of(shown).path._node.colors).reshape(-1, 3), axis=0)
+    return np.unique(np.asarray(viewer.motion_nodes.of(shown).path.node.colors).reshape(-1, 3), axis=0)
 
 
 def one(color: tuple[int, int, int]) -> list[list[int]]:
@@ -59,13 +59,13 @@ def test_a_motion_that_collides_is_red_beside_any_other(viewer: Viewer, chosen: 
     if chosen != "line":
         scale = clearance_colors(found.motion.clearance)
         assert drawn(viewer, found).tolist() == np.unique(intensities(scale), axis=0).tolist()
-        assert MM in viewer.panel.legend
+        assert MM in viewer.panel.legend.content
     else:
         assert drawn(viewer, found).tolist() == one(found.color)
         assert found.color in MOTIONS
-        assert MM not in viewer.panel.legend
-        assert hex_of(CONTACT) in viewer.panel.legend
-        assert "in contact" in viewer.panel.legend
+        assert MM not in viewer.panel.legend.content
+        assert hex_of(CONTACT) in viewer.panel.legend.content
+        assert "in contact" in viewer.panel.legend.content
 
 
 def test_the_chosen_path_alone_is_wide(viewer: Viewer) -> None:
@@ -73,7 +73,7 @@ def test_the_chosen_path_alone_is_wide(viewer: Viewer) -> None:
         if viewer.motions.active is None or viewer.motions.active.motion.name != name:
             by_worker(viewer, lambda name=name: viewer.document.choose(name))
         nodes = viewer.motion_nodes
-        widths = {shown.motion.name: nodes.of(shown).path._node.thickness for shown in viewer.motions.shown}
+        widths = {shown.motion.name: nodes.of(shown).path.node.thickness for shown in viewer.motions.shown}
         assert widths[name] == PATH_WIDTH
         assert all(width < PATH_WIDTH for other, width in widths.items() if other != name)
 
@@ -83,11 +83,11 @@ def test_the_legend_means_the_colours_that_are_drawn(viewer: Viewer) -> None:
     by_worker(viewer, lambda: viewer.panel.handles.select(Thing("obstacle", "ball")))
     ball = next(each for each in viewer.scene.obstacles if each.name == "ball")
     by_worker(viewer, lambda: viewer.panel.handles.drag(ball.pose))
-    assert MM not in viewer.panel.legend
-    assert "not checked in this scene yet" in viewer.panel.legend
+    assert MM not in viewer.panel.legend.content
+    assert "not checked in this scene yet" in viewer.panel.legend.content
     assert drawn(viewer, viewer.motions.shown[0]).tolist() == one(FAINT)
     by_worker(viewer, viewer.panel.handles.let_go)
-    assert MM in viewer.panel.legend
+    assert MM in viewer.panel.legend.content
     for shown in list(viewer.motions.shown):
         by_worker(viewer, lambda shown=shown: viewer.document.remove(shown))
-    assert viewer.panel.legend == ""
+    assert viewer.panel.legend.content == ""

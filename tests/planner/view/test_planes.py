@@ -29,7 +29,7 @@ def waited_for(viewer: Viewer, words: str) -> str:
     """What the layer says once it says `words`."""
 
     def text() -> str:
-        return html.unescape(viewer.panel.layers.plane.text)
+        return html.unescape(viewer.panel.layers.plane.text.content)
 
     until(lambda: words in text(), words)
     return text()
@@ -44,7 +44,7 @@ def test_the_slab_lies_between_the_closest_pair(viewer: Viewer) -> None:
     """Written when the layer is shown; drawn between the points that are closest, as thick as is proven."""
     layer = viewer.panel.layers.plane
     assert not layer.slab.visible
-    assert not layer.text
+    assert not layer.text.content
     switch(viewer, True)
     waited_for(viewer, "proven ≥")
     for now in np.linspace(0.0, 1.0, 11).tolist():
@@ -85,7 +85,7 @@ def test_a_proof_is_of_the_scene_as_it_was(
 
     by_worker(viewer, lambda: push(10.0))
     assert not layer.slab.visible
-    assert "not certified in this scene" in layer.text
+    assert "not certified in this scene" in layer.text.content
     viewer.worker.ask("measure", viewer.document.measure)
     waited_for(viewer, "proven ≥")
     assert layer.slab.visible

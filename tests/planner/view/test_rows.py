@@ -48,13 +48,11 @@ def test_a_click_on_a_line_chooses_its_motion(viewer: Viewer, trajectory: Trajec
 def test_a_hidden_motion_is_seen_neither_in_the_scene_nor_in_the_plots(viewer: Viewer) -> None:
     _, second = viewer.motions.shown
     viewer.show(0.5)
-    assert (viewer.motion_nodes.of(second).path.visible, viewer.motion_nodes.of(second).robot.visible) == (True, True)
-    tell(viewer, do="hide", motion=second.number)
-    assert (viewer.motion_nodes.of(second).path.visible, viewer.motion_nodes.of(second).robot.visible) == (False, False)
-    assert curves(viewer) == ["found"]
-    tell(viewer, do="hide", motion=second.number)
-    assert (viewer.motion_nodes.of(second).path.visible, viewer.motion_nodes.of(second).robot.visible) == (True, True)
-    assert curves(viewer) == ["found", "line"]
+    nodes = viewer.motion_nodes.of(second)
+    for visible, plotted in ((True, ["found", "line"]), (False, ["found"]), (True, ["found", "line"])):
+        assert (nodes.path.node.visible, nodes.robot.visible) == (visible, visible)
+        assert curves(viewer) == plotted
+        tell(viewer, do="hide", motion=second.number)
 
 
 def test_a_name_is_any_text_that_no_other_motion_has(viewer: Viewer) -> None:
@@ -62,8 +60,8 @@ def test_a_name_is_any_text_that_no_other_motion_has(viewer: Viewer) -> None:
     wanted = '<b onclick="x">&amp; "quoted"</b>'
     tell(viewer, do="rename", motion=second.number, answer=f"  {wanted}\n")
     assert motions(viewer) == ["found", wanted]
-    assert html.escape(wanted) in viewer.panel.rows.content
-    assert wanted not in viewer.panel.rows.content
+    assert html.escape(wanted) in viewer.panel.rows.html.content
+    assert wanted not in viewer.panel.rows.html.content
     for refused in ("found", "", " \n", "x" * (LONGEST_NAME + 1)):
         tell(viewer, do="rename", motion=second.number, answer=refused)
         assert motions(viewer) == ["found", wanted]
@@ -79,7 +77,7 @@ def test_removed_motions_are_gone_and_the_last_one_leaves_the_first_thing_to_do(
     tell(viewer, do="remove", motion=first.number)  # another browser was slower
     tell(viewer, do="remove", motion=second.number)
     assert viewer.motions.active is None
-    assert viewer.panel.rows.content == ""
+    assert viewer.panel.rows.html.content == ""
     assert "press Plan" in viewer.panel.verdict
     np.testing.assert_array_equal(viewer.stage.robot.q, viewer.edited.start)
 

@@ -147,7 +147,7 @@ def test_timed_poses_are_passed_faster_and_slower(edited: Edited) -> None:
         (lambda e: scene_edits.lasting(e, -1.0), "timing: .*duration"),
     ],
 )
-def test_what_no_file_could_say_is_refused(edited: Edited, edit: Callable[[Edited], Edited], words: str) -> None:
+def test_edits_no_file_could_hold_are_refused(edited: Edited, edit: Callable[[Edited], Edited], words: str) -> None:
     before = scene_text(edited.scene)
     with pytest.raises(InputError, match=words) as refused:
         edit(edited)

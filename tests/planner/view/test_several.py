@@ -90,11 +90,11 @@ def test_a_group_is_hidden_and_locked_as_one(viewer: Viewer) -> None:
     assert [name for name, visible in seen.items() if not visible] == ["shelf/low", "shelf/high"]
     tell(viewer, do="lock group", name="shelf")
     tell(viewer, do="delete group", name="shelf")
-    assert "is locked" in viewer.panel.editing.text
+    assert "is locked" in viewer.panel.editing.text.content
     assert {"shelf/low", "shelf/high"} <= set(names(viewer))
     tell(viewer, do="fold group", name="shelf")
-    assert "<b>shelf</b> (2)" in viewer.panel.tree.content
-    assert "&emsp;" not in viewer.panel.tree.content
+    assert "<b>shelf</b> (2)" in viewer.panel.tree.html.content
+    assert "&emsp;" not in viewer.panel.tree.html.content
 
 
 def test_hidden_obstacles_stay_hidden_under_a_new_name(viewer: Viewer) -> None:

@@ -38,7 +38,7 @@ def test_hidden_obstacles_still_count(viewer: Viewer) -> None:
     tell(viewer, do="eye thing", kind="obstacle", name="ball")
     node = next(each for each in viewer.stage.obstacles if each.obstacle.name == "ball")
     assert not node.frame.visible
-    assert "hidden, still avoided" in viewer.panel.tree.content
+    assert "hidden, still avoided" in viewer.panel.tree.html.content
     active = active_of(viewer)
     at = active.motion.tip[len(active.motion.tip) // 2]
     middle = tuple(at.tolist())
@@ -65,7 +65,7 @@ def test_locked_obstacles_stay(viewer: Viewer) -> None:
         lambda e: scene_edits.deleted(e, "ball"),
     ):
         by_worker(viewer, lambda edit=edit: editing.guarded(lambda: editing.apply("x", edit)))
-        assert "is locked" in editing.text
+        assert "is locked" in editing.text.content
     by_worker(viewer, lambda: viewer.panel.handles.drag(Pose((0.0, 2.0, 0.0))))
     tell(viewer, do="delete thing", kind="obstacle", name="ball")
     assert ball_of(viewer) is first
@@ -84,7 +84,7 @@ def test_pages_may_tell_anything(viewer: Viewer) -> None:
         for what in ("delete", "lock", "eye", "select"):
             tell(viewer, do=f"{what} thing", kind=kind, name=name)
     tell(viewer, do="paste", text="hdplan: 1")
-    assert "not done: " in viewer.panel.editing.text
+    assert "not done: " in viewer.panel.editing.text.content
     assert viewer.edited is before
     assert not viewer.document.locked
     tell(viewer, do="select thing", kind="start", name="")
@@ -119,8 +119,8 @@ def test_a_paste_is_a_step_and_takes_other_names(viewer: Viewer) -> None:
     negative = "- {name: a, shape: {type: box, size: [1, 1, -1]}}"
     for wrong in ("", "- 1", negative, "- {name: x", "- !!python/object:os {}", "x" * (LONGEST_TEXT + 1)):
         tell(viewer, do="paste", text=wrong)
-        assert "not done: " in viewer.panel.editing.text, wrong[:40]
-        assert "hdplan-view-" not in viewer.panel.editing.text
+        assert "not done: " in viewer.panel.editing.text.content, wrong[:40]
+        assert "hdplan-view-" not in viewer.panel.editing.text.content
         assert [each.name for each in viewer.scene.obstacles] == names
     for _ in range(2):
         by_worker(viewer, lambda: viewer.panel.editing.ask("undo"))
@@ -193,7 +193,7 @@ def test_the_keyboard_copies_pastes_duplicates_and_deletes(tab: Tabs, served: Vi
     assert page.get_by_role("status").inner_text() == page.locator(".hd-badge").inner_text()
     page.get_by_role("button", name="reset").focus()
     page.keyboard.press("Space")
-    until(lambda: "nothing to reset" in served.panel.editing.text, "the space bar does not press a button")
+    until(lambda: "nothing to reset" in served.panel.editing.text.content, "the space bar does not press a button")
     assert not served.panel.player.playing
     page.mouse.click(20, 330)
     by_worker(served, lambda: served.panel.handles.select(BALL))

@@ -144,7 +144,7 @@ def test_a_handle_that_another_one_replaced_moves_nothing(viewer: Viewer) -> Non
     assert viewer.panel.handles.selected == PRISM
 
 
-def test_what_was_typed_for_one_thing_does_not_change_another(viewer: Viewer) -> None:
+def test_a_value_typed_for_one_thing_does_not_change_another(viewer: Viewer) -> None:
     """Though that was selected before the worker came to it."""
     panel, before = viewer.panel, viewer.scene
     handle = field_of(panel.obstacles._fields, "clearance")
@@ -155,7 +155,7 @@ def test_what_was_typed_for_one_thing_does_not_change_another(viewer: Viewer) ->
 
     by_worker(viewer, busy)
     assert viewer.scene is before
-    assert "the selection has changed" in panel.editing.text
+    assert "the selection has changed" in panel.editing.text.content
 
 
 def test_a_worker_that_fails_says_so_and_shows_no_verdict(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
@@ -171,7 +171,7 @@ def test_a_worker_that_fails_says_so_and_shows_no_verdict(opened: Opener, scene:
     assert "hdplan failed here (StopIteration" in viewer.panel.verdict
     assert SAYS_CERTIFIED not in viewer.panel.verdict
     assert "hd-good" not in viewer.panel.verdict
-    assert viewer.panel.clearance == ""
+    assert viewer.panel.clearance.content == ""
     assert len(calls) == 1
     by_worker(viewer, viewer.document.measure)
     assert SAYS_CERTIFIED in viewer.panel.verdict

@@ -20,6 +20,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.planner.view.drawing.handle import pose_of
+from hdplan.planner.view.drawing.motion import as_pose
 from hdplan.planner.view.drawing.nodes import RobotNodes
 from hdplan.planner.view.drawing.skins import ENDLESS, INSET, smaller
 from hdplan.planner.view.handles import Handles
@@ -115,7 +116,7 @@ def test_moving_obstacles_are_where_they_are_at_the_sliders_time(
         nearest, _ = viewer.certifier.nearest(q, time=now)
         assert nearest is not None
         assert f"{nearest.distance * 1e3:.1f} mm" in viewer.stage.closest.label.text
-        assert f'data-moment="{now:.3f} s"' in viewer.panel.clearance
+        assert f'data-moment="{now:.3f} s"' in viewer.panel.clearance.content
 
 
 def test_a_moving_obstacle_is_dragged_at_time_0_and_moves_on_from_there(
@@ -196,7 +197,7 @@ def test_layers_come_and_go(viewer: Viewer) -> None:
         viewer.stage.start,
         viewer.stage.goal,
         viewer.stage.robot,
-        viewer.motion_nodes.of(shown).path,
+        viewer.motion_nodes.of(shown).path.node,
         viewer.stage.closest.root,
     ]
     assert not any(node.visible for node in hidden)
@@ -234,13 +235,13 @@ def test_planning_streams_its_motions_and_ends_with_a_verdict(opened: Opener, sc
     assert result is not None
     assert len(viewer.panel.planning.iterates) == result.iterations
     assert active_of(viewer).motion.name == NAME
-    assert "certified" in viewer.panel.planning.text
+    assert "certified" in viewer.panel.planning.text.content
     assert not viewer.panel.player.slider.disabled
     viewer.show(0.3)
     assert_posed(viewer.stage.robot, result.trajectory.at(0.3))
 
 
-def test_what_is_saved_can_be_planned_and_checked(opened: Opener, scene: Scene, tmp_path: Path) -> None:
+def test_saved_files_can_be_planned_and_checked(opened: Opener, scene: Scene, tmp_path: Path) -> None:
     viewer = opened(scene)
     with pytest.raises(HdplanError, match="no motion"):
         viewer.panel.saving.motion_file()
@@ -259,9 +260,7 @@ def test_the_goal_follows_its_handle(viewer: Viewer) -> None:
     viewer.worker.settle(20)
     before = viewer.stage.tip.placement(viewer.edited.goal)
     near = viewer.stage.tip.placement(viewer.edited.goal + [0.05, -0.1, 0.08][: viewer.robot.n])
-    x, y, z, w = pin.Quaternion(near.rotation).coeffs().tolist()
-    pose = Pose(tuple(near.translation.tolist()), (x, y, z, w))
-    by_worker(viewer, lambda: viewer.panel.handles.drag(pose))
+    by_worker(viewer, lambda: viewer.panel.handles.drag(as_pose(near)))
     by_worker(viewer, viewer.panel.handles.let_go)
     after = viewer.stage.tip.placement(viewer.edited.goal).translation
     assert np.linalg.norm(after - near.translation) < 1e-3 < np.linalg.norm(after - before.translation)
@@ -285,7 +284,7 @@ def test_an_obstacle_dragged_onto_the_goal_is_reported_in_place_and_refused(view
     assert obstacle.name in viewer.stage.labels[1].text
     assert "goal is in collision" in viewer.panel.verdict
     planned(viewer)
-    assert "collision" in viewer.panel.planning.text
+    assert "collision" in viewer.panel.planning.text.content
     by_worker(viewer, lambda: handles.drag(obstacle.pose))
     assert viewer.edited.contacts == ((), ())
 
@@ -360,8 +359,8 @@ def assert_true(viewer: Viewer, folder: Path) -> str:
     if verdict:
         assert (verdict["status"], verdict["text"]) == (certificate.status.value, certificate.text)
         assert verdict["clearance_m"] == certificate.clearance
-    assert "certified: at least" not in viewer.panel.planning.text or certificate.certified
-    assert viewer.panel.rows.content.count(OUTDATED) == sum(
+    assert "certified: at least" not in viewer.panel.planning.text.content or certificate.certified
+    assert viewer.panel.rows.html.content.count(OUTDATED) == sum(
         not viewer.document.holds(shown) for shown in viewer.motions.shown
     )
     for shown in viewer.motions.shown:
@@ -384,7 +383,7 @@ def test_an_obstacle_dragged_into_the_arm_takes_the_verdict_with_it(
     viewer.worker.settle(20)
     by_worker(viewer, lambda: handles.drag(dataclasses.replace(ball.pose, position=tuple(middle.tolist()))))
     assert OUTDATED in viewer.panel.verdict
-    assert "certified" not in viewer.panel.planning.text
+    assert "certified" not in viewer.panel.planning.text.content
     assert assert_true(viewer, tmp_path) == "in_contact"
     by_worker(viewer, handles.let_go)
     assert "in contact" in viewer.panel.verdict
@@ -409,9 +408,7 @@ def test_verdicts_stay_true_in_any_order_of_drags_plans_and_saves(
 
         def drag(handles: Handles = handles, viewer: Viewer = viewer) -> None:
             if handles.choice.value == str(GOAL):
-                place = viewer.stage.tip.placement(viewer.edited.goal + rng.normal(0.0, 0.05, viewer.robot.n))
-                x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
-                handles.drag(Pose(tuple(place.translation.tolist()), (x, y, z, w)))
+                handles.drag(viewer.stage.tip.pose(viewer.edited.goal + rng.normal(0.0, 0.05, viewer.robot.n)))
                 return
             (obstacle,) = (o for o in viewer.scene.obstacles if f"obstacle {o.name}" == handles.choice.value)
             position = np.array(obstacle.pose.position) + rng.normal(0.0, 0.1, 3) * [1, 1, 0]
@@ -471,7 +468,7 @@ def test_two_browsers_that_press_plan_at_once_get_one_motion(opened: Opener, sce
     together(lambda _: viewer.panel.planning.start(), 3)
     until(lambda: not viewer.panel.planning.running, "the plan ends")
     assert viewer.worker.settle(20)
-    assert "certified: at least" in viewer.panel.planning.text
+    assert "certified: at least" in viewer.panel.planning.text.content
     assert viewer.panel.planning.button.label == "Plan"
     assert [shown.motion.name for shown in viewer.motions.shown] == [NAME]
 
@@ -492,5 +489,5 @@ def test_layers_that_are_off_stay_off_for_new_motions(opened: Opener, scene: Sce
     viewer.panel.layers.set("robot", False)
     viewer.panel.layers.set("path", False)
     planned(viewer)
-    assert not viewer.motion_nodes.of(viewer.motions.shown[0]).path.visible
+    assert not viewer.motion_nodes.of(viewer.motions.shown[0]).path.node.visible
     assert not viewer.motion_nodes.of(viewer.motions.shown[0]).robot.visible

@@ -74,7 +74,10 @@ def test_a_scene_is_followed_whole_or_not_at_all(viewer: Viewer, files: tuple[Pa
         ("hdplan: 1\nrobot: {name: ur5}\nobstacles: []\nstart: {state: default}\ngoal: {state: default}\n", ""),
     ):
         files[0].write_text(wrong)
-        until(lambda words=words: "not done: " in editing.text and words in editing.text, "the panel has no message")
+        until(
+            lambda words=words: "not done: " in editing.text.content and words in editing.text.content,
+            "the panel has no message",
+        )
         assert viewer.edited is shown
         by_worker(viewer, lambda: editing.say(""))
     files[0].unlink()
@@ -130,7 +133,7 @@ def test_a_mesh_that_changes_is_another_obstacle(viewer: Viewer, files: tuple[Pa
     rows = [line.split() for line in mesh.read_text().splitlines()]
     mesh.unlink()
     files[0].write_text(files[0].read_text() + " ")  # the scene is read, and refused, before its mesh is there again
-    until(lambda: "does not exist" in viewer.panel.editing.text, "the panel has no message")
+    until(lambda: "does not exist" in viewer.panel.editing.text.content, "the panel has no message")
     assert viewer.edited is before
     mesh.write_text("\n".join(f"v {r[1]} {float(r[2]) + 2.2} {r[3]}" if r[:1] == ["v"] else " ".join(r) for r in rows))
     until(lambda: viewer.edited is not before, "the mesh stays as it was")
@@ -146,11 +149,11 @@ def test_a_file_changes_while_something_is_dragged(viewer: Viewer, files: tuple[
     viewer.worker.ask("select", lambda: handles.select(Thing("obstacle", "ball")))
     viewer.worker.ask("drag", lambda: handles.drag(Pose((0.8, 0.05, 0.1))))
     files[0].write_text(text.replace("radius: 0.12", "radius: -1"))
-    until(lambda: "not done: " in viewer.panel.editing.text, "it is not reported")
+    until(lambda: "not done: " in viewer.panel.editing.text.content, "it is not reported")
     assert handles.dragging
     assert place_of_ball(viewer) == (0.8, 0.05, 0.1)
     files[0].write_text(text.replace("name: prism", "name: other"))
-    until(lambda: "opened: " in viewer.panel.editing.text, "it is not opened")
+    until(lambda: "opened: " in viewer.panel.editing.text.content, "it is not opened")
     assert viewer.worker.settle(20)
     assert not handles.dragging
     assert place_of_ball(viewer) == (0.9, 0.05, 0.1)
@@ -165,5 +168,5 @@ def test_a_motion_is_followed(viewer: Viewer, files: tuple[Path, Path], trajecto
     says_the_truth(viewer, files[0])
     assert not active.motion.certificate.certified
     files[1].write_text("{")
-    until(lambda: "not done: " in viewer.panel.editing.text, "the panel has no message")
+    until(lambda: "not done: " in viewer.panel.editing.text.content, "the panel has no message")
     assert len(active.motion.trajectory.positions) == 10

@@ -112,23 +112,14 @@ def test_obstacles_without_a_name_are_counted(tmp_path: Path) -> None:
     assert [obstacle.name for obstacle in named] == ["obstacle0", "ball", "obstacle2"]
 
 
-def test_quaternion_cut_to_some_decimals_is_normalized_in_silence(tmp_path: Path) -> None:
-    file = write(
-        tmp_path, SHORT.replace("{name: panda}", "{name: panda, base: {quaternion_xyzw: [0, 0, 0.7071068, 0.7071068]}}")
-    )
-    scene = load_scene(file)
-    assert scene.notes == ()
-    assert sum(value**2 for value in scene.robot.base.quaternion_xyzw) == pytest.approx(1.0, abs=1e-15)
-
-
-def test_quaternion_near_unit_length_is_normalized_with_a_word(tmp_path: Path) -> None:
-    file = write(
-        tmp_path, SHORT.replace("{name: panda}", "{name: panda, base: {quaternion_xyzw: [0, 0, 0.707, 0.707]}}")
-    )
-    scene = load_scene(file)
-    (note,) = scene.notes
-    assert "robot.base.quaternion_xyzw" in note
-    assert "normalized" in note
+@pytest.mark.parametrize(("part", "noted"), [(0.7071068, False), (0.707, True)])
+def test_quaternions_near_unit_length_are_normalized_and_noted_beyond_rounding(
+    tmp_path: Path, part: float, noted: bool
+) -> None:
+    robot = f"{{name: panda, base: {{quaternion_xyzw: [0, 0, {part}, {part}]}}}}"
+    scene = load_scene(write(tmp_path, SHORT.replace("{name: panda}", robot)))
+    assert len(scene.notes) == noted
+    assert all("robot.base.quaternion_xyzw" in note and "normalized" in note for note in scene.notes)
     assert sum(value**2 for value in scene.robot.base.quaternion_xyzw) == pytest.approx(1.0, abs=1e-15)
 
 
