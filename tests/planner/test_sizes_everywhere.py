@@ -1,4 +1,4 @@
-"""Who is given a scene with sizes knows them, or refuses them by name: nobody leaves one out in silence."""
+"""A user of a scene with sizes knows them, or refuses them by name: nobody leaves one out in silence."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def to_triangles(points: Array, triangles: Array) -> Array:
 
 
 def pierced(a: Array, b: Array, triangles: Array) -> NDArray[np.bool_]:
-    """Whether segments from a to b (..., 3) go through triangles (..., 3, 3)."""
+    """True if segments from a to b (..., 3) go through triangles (..., 3, 3)."""
     corner, one, other = triangles[..., 0, :], *np.moveaxis(triangles[..., 1:, :] - triangles[..., :1, :], -2, 0)
     across = np.cross(b - a, other)
     scale = np.einsum("...i,...i->...", one, across)

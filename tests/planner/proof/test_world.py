@@ -133,7 +133,7 @@ def test_shapes_are_those_of_the_page() -> None:
 
 
 def frames_of(found: World, rows: Array) -> Array:
-    """Where the joints are (k, m, 4, 4) at rows (k, n) of joints that follow none, composed from a world's numbers."""
+    """Places of the joints (k, m, 4, 4) at rows (k, n) of joints that follow none, composed from a world's numbers."""
     free = iter(rows.T)
     values: list[Array] = [np.empty(0)] * len(found["joints"])
     for i, joint in enumerate(found["joints"]):

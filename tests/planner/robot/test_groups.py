@@ -1,4 +1,4 @@
-"""Which joints are planned: those of the group that is named; the others are held where the request has them."""
+"""Joints that are planned: those of the group that is named; the others are held where the request has them."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def test_a_group_that_is_not_there_is_refused_with_the_nearest(two_arms: RobotSp
 
 
 def test_a_group_that_no_srdf_defines_is_refused() -> None:
-    """It is never planned as all joints of the robot: tiago's 42, fingers and head, are not its arm."""
+    """An unknown group is never planned as all joints of the robot: tiago's 42, fingers and head, are not its arm."""
     for name in ("ur5", "tiago"):
         with pytest.raises(InputError, match=rf"robot\.group: no SRDF of {name} says which joints the group 'arm' has"):
             load_robot(RobotSpec(name=name, group="arm"))

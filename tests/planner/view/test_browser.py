@@ -58,7 +58,7 @@ def kept(browser: Any, viewer: Viewer) -> Iterator[Tabs]:
 
 @pytest.fixture
 def page(kept: Tabs, viewer: Viewer) -> Iterator[Any]:
-    """It, with the scene as it was at first."""
+    """The page, with the scene as it was at first."""
     kept.pages[0].bring_to_front()  # a page behind another one's tab draws no pictures, and waits for them for ever
     viewer.panel.editing.ask("reset")
     calm(viewer)
