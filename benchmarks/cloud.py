@@ -59,7 +59,7 @@ def surfaces(scene: hdplan.Scene, count: int | None, seed: int) -> Array:
 
 
 def seen(points: Array, seed: int) -> Array:
-    """What depth cameras see of densely sampled surfaces: the nearest point of each pixel, with noise."""
+    """View of depth cameras of densely sampled surfaces: the nearest point of each pixel, with noise."""
     rng, found = np.random.default_rng(seed), []
     for eye in np.array(CAMERAS):
         ahead = (AIM - eye) / np.linalg.norm(AIM - eye)

@@ -56,7 +56,7 @@ RATES = Limits(velocity="urdf", acceleration=10.0, jerk=500.0)
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one request."""
+    """Outcome of one request."""
 
     number: int
     certified: bool  # by planning

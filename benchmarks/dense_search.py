@@ -105,7 +105,7 @@ class DenseSearch:
         return onto_path(self.problem, q) if self.problem.terms.path else q
 
     def _edges(self, first: Array, last: Array) -> Mask:
-        """Which edges are no longer than two steps, and free at their middles and ends."""
+        """True where edges are no longer than two steps, and free at their middles and ends."""
         short = np.abs(last - first).max(axis=1) <= 2.0 * STEP
         depth = self.problem.depth(np.vstack([last, 0.5 * (first + last)])).reshape(2, -1).max(axis=0)
         return np.asarray(short & (depth <= USED * self.problem.scene.planner.activation))

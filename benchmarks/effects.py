@@ -1,4 +1,4 @@
-"""What each effect costs: the same scene with and without its section, in build, evaluation, solve and certificate.
+"""The cost of each effect: the same scene with and without its section, in build, evaluation, solve and certificate.
 
     python benchmarks/effects.py [--picture FILE.png] [--repeat R]
 

@@ -110,7 +110,7 @@ def failures(outcomes: list[Outcome]) -> str:
 
 
 def cause(outcome: Outcome) -> str:
-    """What kind of failure it is."""
+    """Kind of a failure."""
     if outcome.status == "refused":
         known = {"in collision": "an end is in contact", "outside its limits": "an end is beyond a joint limit"}
         return next((words for sign, words in known.items() if sign in outcome.words), "bad input")

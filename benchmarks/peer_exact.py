@@ -73,7 +73,7 @@ def solve(scene: hdplan.Scene, planner: str, seed: int, time_limit: float) -> tu
 
 
 class _Free(base.MotionValidator):  # type: ignore[misc]  # OMPL has no types
-    """Whether lines are proven to be free."""
+    """Proof that lines are free."""
 
     def __init__(self, information: base.SpaceInformation, space: Record, joints: int) -> None:
         super().__init__(information)
@@ -83,10 +83,10 @@ class _Free(base.MotionValidator):  # type: ignore[misc]  # OMPL has no types
         return np.array([state[joint] for joint in self.joints])
 
     def state(self, state: base.State) -> bool:
-        """Whether a state is free."""
+        """True if a state is free."""
         q = self._at(state)
         return bool(C.is_free(self.space.struct, q, q))
 
     def checkMotion(self, first: base.State, last: base.State) -> bool:
-        """Whether a line is free."""
+        """True if a line is free."""
         return bool(C.is_free(self.space.struct, self._at(first), self._at(last)))

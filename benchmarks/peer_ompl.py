@@ -48,7 +48,7 @@ def solve(task: Task, planner: str, resolution: float | None, margin: float, see
 
 
 def simple_setup(lower: Array, upper: Array, start: Array, goal: Array) -> geometric.SimpleSetup:
-    """Ask for a way between two configurations (n,) within limits (n,)."""
+    """OMPL's task of a way between two configurations (n,) within limits (n,)."""
     space, bounds = base.RealVectorStateSpace(len(lower)), base.RealVectorBounds(len(lower))
     for joint, (low, high) in enumerate(zip(lower.tolist(), upper.tolist(), strict=True)):
         bounds.setLow(joint, low)
@@ -70,7 +70,7 @@ def path_of(setup: geometric.SimpleSetup, joints: int) -> Array | None:
 
 
 class _Validity:
-    """Whether a state keeps the margin; owns the objects behind the broad phase's pointers."""
+    """Check that a state keeps the margin; owns the objects behind the broad phase's pointers."""
 
     def __init__(self, task: Task, margin: float) -> None:
         robot = task.robot

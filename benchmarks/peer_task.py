@@ -1,4 +1,4 @@
-"""What every planner of `peers` is given and gives back, and how long and how smooth a path is."""
+"""Task and answer of every planner of `peers`, and how long and how smooth a path is."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ class Task:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a planner gives back."""
+    """Answer of a planner."""
 
     path: Array | None  # (N, n) configurations joined by straight lines; None if it claims no solution
     setup: float  # [s] of the processor, to make robot and obstacles known to the planner

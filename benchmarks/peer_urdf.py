@@ -25,7 +25,7 @@ BASE = "carrier_0"
 
 @dataclass(frozen=True)
 class Description:
-    """What a planner reads."""
+    """Input of a planner."""
 
     urdf: str
     srdf: str

@@ -35,7 +35,7 @@ STILL = 1e-9  # of joints that stand still
 
 
 class RefutedError(Exception):
-    """What was certified does not hold, and why."""
+    """A certified property that does not hold, and the reason."""
 
 
 @dataclass(frozen=True)

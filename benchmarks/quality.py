@@ -55,7 +55,7 @@ class Outcome:
 
     @property
     def certified(self) -> bool:
-        """Whether the motion is proven."""
+        """True if the motion is proven."""
         return self.verdict == "certified"
 
 

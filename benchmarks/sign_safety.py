@@ -46,7 +46,7 @@ SETTINGS = {
 
 @dataclass
 class Count:
-    """What one rung did at poses in contact."""
+    """Results of one rung at poses in contact."""
 
     separations: int = 0  # D-tilde above the tolerance
     distances: int = 0  # D above the tolerance

@@ -1,4 +1,4 @@
-"""What a start costs: hdplan from a wheel in fresh environments, with and without a C compiler, with and without loops.
+"""The cost of a start: a wheel in fresh environments, with and without a C compiler, with and without loops.
 
     python benchmarks/start.py DIR [--repeat R]
 
@@ -76,7 +76,7 @@ class Installed:
 
 
 def starts(wheel: Installed, repeat: int) -> dict[tuple[str, bool], float]:
-    """What is started, and whether there is a compiler -> processor time [s]."""
+    """Programs that are started, and whether there is a compiler -> processor time [s]."""
     cache, empty = wheel.folder / "cache", wheel.folder / "empty"
     _, names = wheel.run("python", "-c", IMPORTED, cache=cache, compiler=True)
     kinds = {

@@ -36,7 +36,7 @@ MOTIONS, TIME_LIMIT = 12, 8.0
 
 
 class Outcome(NamedTuple):
-    """What came of one motion, planned one way."""
+    """Outcome of one motion, planned one way."""
 
     driven: bool  # certified with torques
     heavy: bool  # gravity alone was too much somewhere

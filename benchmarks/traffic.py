@@ -155,13 +155,13 @@ def _least_duration(scene: Scene, robot: Robot, way: Array) -> float:
 
 
 def _free(scene: Scene, robot: Robot, way: Array) -> bool:
-    """Whether waypoints (N, n) without times keep clear."""
+    """True if waypoints (N, n) without times keep clear."""
     certifier = Certifier(Setup.of(scene, robot))
     return certifier.certify(Trajectory(robot.joint_names, way, robot.locked), required=SPARE).certified
 
 
 def _certified(scene: Scene, robot: Robot, way: Array, required: float = SPARE) -> bool:
-    """Whether the motion in time through waypoints (N, n) is certified."""
+    """True if the motion in time through waypoints (N, n) is certified."""
     setup = Setup.of(scene, robot)
     return Certifier(setup).certify(_timed(setup, way), required=required).certified
 
@@ -171,7 +171,7 @@ def _timed(setup: Setup, way: Array) -> Trajectory:
 
 
 def _keeps(scene: Scene, robot: Robot, way: Array, distance: float) -> bool:
-    """Whether the motion in time through waypoints (N, n) keeps a distance [m] at LOOKS times."""
+    """True if the motion in time through waypoints (N, n) keeps a distance [m] at LOOKS times."""
     setup = Setup.of(scene, robot)
     certifier, shares = Certifier(setup), np.linspace(0.0, 1.0, LOOKS)
     places = zip(_timed(setup, way).at(shares), (scene.end_time * shares).tolist(), strict=True)

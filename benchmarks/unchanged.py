@@ -23,7 +23,7 @@ TIME_LIMIT = 120.0  # [s] generous: what is cut short by a slow machine would di
 
 
 def summary(scene: hdplan.Scene) -> dict[str, object]:
-    """What must not change, in a form that JSON carries exactly."""
+    """Results that must not change, in a form that JSON carries exactly."""
     try:
         result = hdplan.plan(scene, time_limit=TIME_LIMIT)
     except hdplan.InputError as error:

@@ -80,13 +80,13 @@ def geometry_of(shape: World) -> Any:
 
 
 def inside(point: Any, corners: Any) -> bool:
-    """Whether rays from a point meet triangles (F, 3, 3) an odd number of times, whatever their way: of a surface that
+    """True if rays from a point meet triangles (F, 3, 3) an odd number of times, whatever their way: of a surface that
     a change has opened, one way alone says nothing."""
     return all(odd(point, corners, np.array(way)) for way in WAYS)
 
 
 def odd(point: Any, corners: Any, way: Any) -> bool:
-    """Whether a ray along a way meets triangles (F, 3, 3) an odd number of times."""
+    """True if a ray along a way meets triangles (F, 3, 3) an odd number of times."""
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     h = np.cross(way, two)
     det = np.einsum("fi,fi->f", one, h)
@@ -290,7 +290,7 @@ class Judge:
         return float(min(best, away - shift))
 
     def contained(self, i: int, j: int, places: list[Any], centers: Any) -> str:
-        """Whether one of two bodies is within the other: surfaces that never meet stay as they are at the beginning."""
+        """True if one of two bodies is within the other: surfaces that never meet stay as they are at the beginning."""
         bodies = self.world["bodies"]
         for x, y in ((i, j), (j, i)):
             corners = triangles_of(bodies[y]["shape"])
@@ -336,7 +336,7 @@ class Judge:
         return self.off_path() if "path" in claims else ""
 
     def there(self, target: World, end: str, k: int) -> bool:
-        """Whether the motion is at a target at its end."""
+        """True if the motion is at a target at its end."""
         world = self.world
         if "poses" in target:
             tolerances = ("position_tolerance", "orientation_tolerance", "free")
@@ -352,7 +352,7 @@ class Judge:
         return bool((off < 2 * SLACK).all()) and all(abs(names[x] - y) < 2 * SLACK for x, y in target["others"].items())
 
     def near(self, frame: pin.SE3, to: pin.SE3, off: float, angle: float, free: str) -> bool:
-        """Whether a frame is at another one, within tolerances."""
+        """True if a frame is at another one, within tolerances."""
         if np.linalg.norm(frame.translation - to.translation) > off + SLACK:
             return False
         if free == "none":
@@ -386,6 +386,6 @@ class Judge:
 
 
 def judged(world: World, head: World, whole: bool) -> str:
-    """What is false of an accepted proof in a world; nothing for what is true."""
+    """Claims of an accepted proof that are false in a world; none if all are true."""
     judge = Judge(world)
     return judge.claimed(head, whole) or judge.too_close(head)

@@ -356,7 +356,7 @@ CHANGES |= {f"proof: {x.__name__}": x for x in (clearance, claims, head, directi
 
 
 def outcome(case: Case, known: dict[str, str]) -> str:
-    """What the kernel says of a changed world and proof, and the judge of what it accepts."""
+    """Verdict of the kernel on a changed world and proof, and of the judge if the kernel accepts them."""
     try:
         _, whole = accept(case.world, case.packed())
     except RejectedError:

@@ -47,7 +47,7 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float
 
 
 def in_degrees(rpy: Numbers) -> str:
-    """Ask whether angles are in degrees, of which one is beyond a whole turn; empty if none is."""
+    """Question whether angles are in degrees, of which one is beyond a whole turn; empty if none is."""
     beyond = [angle for angle in rpy if abs(angle) > LARGEST_ANGLE]
     return f"{beyond[0]:g} is beyond a whole turn: is it in degrees? hdplan takes radians" if beyond else ""
 

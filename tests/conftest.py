@@ -1,4 +1,4 @@
-"""What all tests need: the lanes of the suite, and what makes a test quick.
+"""Fixtures and settings of all tests: the lanes of the suite, and what makes a test quick.
 
 By default: every law, but of one marked `sampled(n)` each n-th of its parameters' product. `-m slow`: their rest,
 and what takes long by itself. `-m core`: a law or two of every room, in less than a minute.

@@ -37,7 +37,7 @@ SILENCE = 300.0  # [s] that a worker may take to get ready
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one case."""
+    """Outcome of one case."""
 
     kind: str  # a row of the table: "certified", "refused", ..
     finding: str = ""  # what is wrong, in words; empty: nothing
@@ -48,7 +48,7 @@ class Outcome:
 
 @dataclass
 class Tally:
-    """What became of all cases."""
+    """Outcomes of all cases."""
 
     cases: int = 0
     tried: int = 0
@@ -150,7 +150,7 @@ def run(
 
 
 def serve(attack: Attack, name: str, seed: int, folder: Path) -> None:
-    """Be a worker: answer each number that comes with what became of that case."""
+    """A worker's loop: each incoming number is answered by the outcome of that case."""
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     quiet = os.open(folder / "printed.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(quiet, 1)  # what libraries print is no answer
@@ -218,11 +218,11 @@ class _Worker:
 
     @property
     def dead(self) -> bool:
-        """Whether it has died."""
+        """True if the worker has died."""
         return self.child.poll() is not None
 
     def over(self, limit: float) -> bool:
-        """Whether its case has taken more processor time than the limit, or much more time by the clock."""
+        """True if the worker's case has taken more processor time than the limit, or much more time by the clock."""
         waited = time.monotonic() - self.since
         if self.index is None:
             return waited > SILENCE

@@ -22,7 +22,7 @@ _build = typer.main.get_command
 
 @dataclass(frozen=True)
 class Done:
-    """What a run left."""
+    """Result of a run."""
 
     code: int
     out: str

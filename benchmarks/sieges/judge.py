@@ -1,4 +1,4 @@
-"""What a certified motion is held to, by dense samples: places, limits, rates, torques. It can refute, not prove.
+"""Requirements of a certified motion at dense samples: places, limits, rates, torques. It can refute, not prove.
 
 Rounding that is granted: `GRANTED` [m] in distances, `SHARE` of limits of rates and torques, `ANGLE` of positions.
 """
@@ -250,7 +250,7 @@ def _required(world: World, pair: tuple[int, int], clearance: float, own: float,
 
 
 def _ends_are_closer(world: World, names: tuple[str, ...]) -> bool:
-    """Whether the scene's own start or goal is closer than planner.clearance: less is required then."""
+    """True if the scene's own start or goal is closer than planner.clearance: less is required then."""
     clearance = (world.content.get("planner") or {}).get("clearance", 0.0)
     ends = [(world.content.get(end) or {}).get("joints") for end in ("start", "goal")]
     given = [end for end in ends if isinstance(end, dict)]

@@ -54,7 +54,7 @@ class Mass:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Where each link is, how it turns, and how both change (T, ..)."""
+    """Places of links, their turns, and how both change (T, ..)."""
 
     frames: dict[str, Array]
     axes: dict[str, Array]  # of each joint (T, 3), in the world

@@ -141,7 +141,7 @@ def read(path: Path) -> Mesh:
 
 
 def closed(mesh: Mesh) -> bool:
-    """Whether every edge is met as often one way as the other, equal points taken as one."""
+    """True if every edge is met as often one way as the other, equal points taken as one."""
     _, index = np.unique(mesh[0], axis=0, return_inverse=True)
     corners = index.ravel()[mesh[1]]
     a, b = corners.ravel(), np.roll(corners, -1, axis=1).ravel()

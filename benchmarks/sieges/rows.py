@@ -16,7 +16,7 @@ from hdplan.scenes.array_types import Array
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What a motion's file holds: rows of n joints, and their times and rates where it has them."""
+    """Content of a motion's file: rows of n joints, and their times and rates where it has them."""
 
     names: tuple[str, ...]
     positions: Array

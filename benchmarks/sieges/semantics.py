@@ -1,4 +1,4 @@
-"""What scenes mean: distances of configurations as hdplan finds them against the judge's own reading of the same files.
+"""Meaning of scenes: distances of configurations by hdplan, against the judge's own reading of the same files.
 
 Each case also goes out and in again (scene, text, scene), is made in Python beside the file, and, as far as MoveIt's
 messages can say it, is written in MoveIt's words and read from there.

@@ -101,7 +101,7 @@ class World:
         return found
 
     def _neighbours(self, a: int, b: int) -> bool:
-        """Whether exactly one planned joint lies between two links."""
+        """True if exactly one planned joint lies between two links."""
         first, second = self.carrier[a], self.carrier[b]
         return self._below(first) == second or self._below(second) == first
 

@@ -156,7 +156,7 @@ def hdsdf_batch(
         raise InputError(
             f"shaping_length: found {length:g} m, allowed in {dtype} is {SHORTEST_SHAPING[dtype]:g} m or more"
         )
-    tables = [pair_tables(normals, *pair) for pair in pairs_of(body_a, body_b)]
+    tables = [pair_tables(*pair, normals) for pair in pairs_of(body_a, body_b)]
     for name, body in (
         *(("body_a", piece) for piece in pieces_of(body_a)),
         *(("body_b", p) for p in pieces_of(body_b)),

@@ -69,7 +69,7 @@ class Pair(NamedTuple):
         return int(max(*groups, 2 * witness_count * vertices))
 
 
-def pair_tables(normals: str, body_a: ConvexBody, body_b: ConvexBody) -> Pair:
+def pair_tables(body_a: ConvexBody, body_b: ConvexBody, normals: str) -> Pair:
     """Return the arrays of a pair for the set ``normals`` (see ``normals.candidate_normals``)."""
     axes = candidate_normals(normals, body_a, body_b)
     moving = []

@@ -43,8 +43,8 @@ def distance_by_planes(
     radius: ca.MX,
     body_planes: ca.MX,
     gamma: int,
-    order: int,
     length: float,
+    order: int,
     placements: int = 1,
 ) -> list[ca.MX]:
     """Return D, D̃ and, by order, the gradient (6) and the Hessian (6, 6) of D by the motion of the points (3, m), six
@@ -52,7 +52,7 @@ def distance_by_planes(
     normals, supports = by_coordinate(body_planes)
     x, least = projections(points, radius, normals, supports)
     separation = ca.mmax(least)
-    shape = points.shape[1], normals.shape[0], gamma, order, length, placements
+    shape = points.shape[1], normals.shape[0], gamma, length, order, placements
     chosen = ca.Function.conditional("by_planes", [inside(*shape)], outside(*shape))
     value, *derivatives = chosen.call([separation > TINY_NUMBER, x, least, points, weights, normals])
     return [value, separation, *derivatives]
@@ -60,7 +60,7 @@ def distance_by_planes(
 
 @functools.cache
 def inside(
-    points: int, planes: int, gamma: int, order: int, length: float, placements: int = 1, grows: bool = False
+    points: int, planes: int, gamma: int, length: float, order: int, placements: int = 1, grows: bool = False
 ) -> ca.Function:
     """Return the function (x, least, points, their weights, normals) -> D and its derivatives, where no plane
     separates. Where the body of the planes `grows`, it takes the derivatives of the supports by its sizes (K, 3) too,
@@ -77,7 +77,7 @@ def inside(
 
 
 @functools.cache
-def outside(points: int, planes: int, gamma: int, order: int, length: float, placements: int = 1) -> ca.Function:
+def outside(points: int, planes: int, gamma: int, length: float, order: int, placements: int = 1) -> ca.Function:
     """Return the same where a plane does: those that do not then weigh nothing."""
     given = x, least, *_ = _inputs(points, planes)
     separates = least > TINY_NUMBER

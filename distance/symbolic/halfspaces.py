@@ -86,7 +86,7 @@ def _by_planes(
     own, b = [ca.MX.sym(each, 12) for each in wrenches], ca.MX.sym("placement_b", 12)
     body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
     given = *points_seen([*own, b], body), body_planes
-    distance, separation, gradient, *second = distance_by_planes(*given, gamma, order, shaping_length, len(own))
+    distance, separation, gradient, *second = distance_by_planes(*given, gamma, shaping_length, order, len(own))
     mark = rigid_or_nan(*map(rotation_of, (*own, b)))
     pushes = ca.vertsplit(as_wrenches(b, gradient), 6)
     hessians = [in_the_world(b, hessian, len(own)) for hessian in second]

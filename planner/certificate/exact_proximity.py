@@ -208,7 +208,7 @@ def _halves(mesh: TriangleMesh) -> tuple[TriangleMesh, ...]:
 
 
 def directions(placed: Iterable[tuple[Any, Any, Any, Any]]) -> tuple[Array, Array]:
-    """Ask coal for the separating directions of pairs of shapes (of least penetration, if in contact), each with its
+    """Separating directions by coal of pairs of shapes (of least penetration, if in contact), each with its
     transform: unit normals (i, 3) from B to A in the world frame, and coal's signed distances (i,) [m], which are not
     to be trusted on their own. Where coal finds no direction, the distance is not a number."""
     normals, distances, result = list[Array](), list[float](), coal.DistanceResult()

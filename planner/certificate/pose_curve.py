@@ -11,15 +11,26 @@ from functools import cached_property
 
 import numpy as np
 
-from hdplan.distance.compiled.loops import Record, twin_of
-from hdplan.planner.certificate import places_loop
-from hdplan.planner.certificate.places_loop import CATCH_UP, LOOK_AHEAD, PARALLEL, SOONER
+from hdplan.distance.compiled.loops import C, Record, twin_of
 from hdplan.planner.geometry.rotations import matrices_of, vectors_of
 from hdplan.planner.motion.motion_bounds import cross
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.path_constraints import Follow
+
+LOOK_AHEAD = 2.0  # of the link's own way since the last node, in tolerances: how far the next place is sought
+CATCH_UP = 1.0  # tolerances that it may be farther, to catch up
+# tolerances that a place may be farther away than the nearest: where a curve turns back, its end comes later
+SOONER = 0.25
+PARALLEL = 1e-12  # sine below which two directions have no axis of their own
+
+
+def _places(curve: PoseCurve, rotations: Array, origins: Array, moved: Array, first: float) -> Array:
+    found = np.full(len(origins), first)
+    given = map(np.ascontiguousarray, (rotations, origins, moved))
+    C.places(curve.record.struct, LOOK_AHEAD, CATCH_UP, SOONER, *given, found)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +100,11 @@ class PoseCurve:
 
     @cached_property
     def record(self) -> Record:
-        """The record of the curve for the loop in C."""
-        return places_loop.pose_curve(self)
+        """The C struct `pose_curve`."""
+        begins, axis = (self.origins[:-1], self.rotations[:-1]), 3 if self.axis is None else self.axis
+        return Record("pose_curve", self.steps, self.turns, *begins, self.ahead, axis, *self.tolerances, PARALLEL)
 
-    @twin_of(places_loop.places)
+    @twin_of(_places)
     def _places(self, rotations: Array, origins: Array, moved: Array, first: float) -> Array:
         """Return the places (k,) at which a link is that moves on by this much (k − 1,), in tolerances."""
         far, angle = self.tolerances

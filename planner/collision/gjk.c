@@ -5,10 +5,10 @@
 
 enum { LANES = 8, CLUSTER = 32, ROUNDS = 64, CORNERS = ROUNDS + 4, FACES = 2 * CORNERS, EDGES = 3 * FACES };
 
-#define CLOSE 1e-10     /* relative difference of a squared distance and its lower bound that is good enough */
-#define TOUCHING 1e-7   /* [m] bodies so close count as overlapping, as the normal is lost in rounding */
-#define EXACT 1e-9      /* [m] difference of a depth and its bound that is good enough */
-#define THIN 1e-10      /* [m] above a face that is no height */
+#define RELATIVE_GAP 1e-10 /* relative difference of a squared distance and its lower bound that is good enough */
+#define TOUCHING 1e-7      /* [m] bodies so close count as overlapping, as the normal is lost in rounding */
+#define DEPTH_GAP 1e-9     /* [m] difference of a depth and its bound that is good enough */
+#define NO_HEIGHT 1e-10    /* [m] above a face that is no height */
 
 static void copy(const double* from, double* to) {
   for (int i = 0; i < 3; ++i) to[i] = from[i];
@@ -223,7 +223,7 @@ static double apart(const two_solids* of, double near, double far, simplex* at, 
     const corner next = corner_along(of, back);
     gap = dot(v, next.p) / length;
     for (int i = 0; i < 3; ++i) normal[i] = v[i] / length;
-    if (gap > far || length * (length - gap) <= CLOSE * square || is_among(at, next.p)) break;
+    if (gap > far || length * (length - gap) <= RELATIVE_GAP * square || is_among(at, next.p)) break;
     at->at[at->count++] = next;
     reduce(at, v);
     if (at->count == 4 || at->count == 0) return -1.0;
@@ -315,8 +315,8 @@ static int begin(polytope* grown, const simplex* from) {
     const double above = fabs(dot(aside, n));
     difference(down.p, grown->at[0].p, aside);
     const double below = fabs(dot(aside, n));
-    if (!(most_of(above, below) > THIN)) return 0;
-    grown->at[grown->corners++] = from->count == 4 && above > THIN ? up : above > below ? up : down;
+    if (!(most_of(above, below) > NO_HEIGHT)) return 0;
+    grown->at[grown->corners++] = from->count == 4 && above > NO_HEIGHT ? up : above > below ? up : down;
   }
   difference(grown->at[3].p, grown->at[0].p, aside);
   orthogonal(grown, 3, n);
@@ -335,7 +335,7 @@ static int grow(polytope* grown, const corner* added) {
   if (grown->corners == CORNERS) return 0;
   for (int row = 0; row < grown->faces;) {
     const face seen = grown->face[row];
-    if (!(dot(seen.normal, added->p) - seen.height > THIN)) {
+    if (!(dot(seen.normal, added->p) - seen.height > NO_HEIGHT)) {
       ++row;
       continue;
     }
@@ -370,7 +370,7 @@ static void deepest(const polytope* grown, double* point) {
     const corner* at[3] = {grown->at + of->at[0], grown->at + of->at[1], grown->at + of->at[2]};
     double w[2] = {0.0};
     gram from;
-    if (of->height > grown->depth + EXACT) continue;
+    if (of->height > grown->depth + DEPTH_GAP) continue;
     make_gram(&from, 2, at + 1, at[0]->p);
     (void)weigh(&from, 2, (const int[]){0, 1}, w);
     const double share[3] = {1.0 - w[0] - w[1], w[0], w[1]}, least = least_of(share[0], least_of(w[0], w[1]));
@@ -394,8 +394,8 @@ static double overlap(const two_solids* of, const simplex* from, double* normal,
     const face found = *nearest;
     const corner next = bounded(&grown, found.normal);
     const double height = dot(found.normal, next.p);
-    if (height - found.height <= EXACT) {
-      if (height > grown.depth + EXACT) break; /* only where rounding spoilt the polytope */
+    if (height - found.height <= DEPTH_GAP) {
+      if (height > grown.depth + DEPTH_GAP) break; /* only where rounding spoilt the polytope */
       grown.depth = height;
       copy(found.normal, grown.outward);
       deepest(&grown, grown.point);

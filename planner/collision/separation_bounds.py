@@ -33,12 +33,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdplan.distance.compiled.cache import content_key, finite, store
-from hdplan.distance.compiled.loops import twin_of
+from hdplan.distance.compiled.loops import C, twin_of
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
-from hdplan.planner.collision.separation_loop import TIGHT_SHARE, least_bound
 from hdplan.planner.collision.shipped_bodies import known_result
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.robot.content import Parts, tree_content
@@ -48,6 +47,7 @@ from hdplan.scenes.array_types import Array, Mask, Rows
 VERSION = "4"  # to be changed with anything that changes a bound, so that old cache entries are not used
 MOST_BOXES, BUDGET = 4000, 300_000  # boxes evaluated for a pair, and for all pairs of a robot
 BATCH = 64  # of them halved at once
+TIGHT_SHARE = 0.9  # share of the least distance found at which a bound is good enough
 BOUND_ROUNDING = 1e-6  # [m] subtracted from a bound for rounding errors
 
 
@@ -77,6 +77,18 @@ def distances_kept(
     return known
 
 
+def _least_bound(search: Search, pair: int, low: Array, high: Array, wanted: float, most: int) -> tuple[float, int]:
+    """The best box first, each halved alone. The normal is that of GJK (E. G. Gilbert, D. W. Johnson, S. S. Keerthi,
+    1988) on the bodies' vertices. Its distance only decides which boxes to halve: the bound holds along any normal."""
+    a, b = (search.bodies[index] for index in search.pairs[pair])
+    hulls = (each for side in (a, b) for each in (side.joint, np.ascontiguousarray(side.body.vertices)))
+    given = map(np.ascontiguousarray, (search.distance.pairs.moves[pair], low, high))
+    bound, looked = C.separation(
+        search.kinematics.tree.struct, *hulls, a.body.radius + b.body.radius, *given, wanted, TIGHT_SHARE, max(most, 0)
+    )
+    return float(bound), int(looked)
+
+
 @dataclass(frozen=True, eq=False)
 class Search:
     """Branch and bound over the joint limits."""
@@ -94,7 +106,7 @@ class Search:
         proven = least - BOUND_ROUNDING
         return (proven if proven > wanted else 0.0), looked
 
-    @twin_of(least_bound)
+    @twin_of(_least_bound)
     def least_bound(self, pair: int, low: Array, high: Array, wanted: float, most: int) -> tuple[float, int]:
         """Return the least bound [m] over ranges of the joints (n,), and how many boxes were evaluated."""
         between = self.distance.pairs.moves[pair] != 0.0

@@ -14,8 +14,8 @@ static double slack_of(const axis* axes, int kind) {
     difference(other, one, gap);
     cross(a->h, a[1].h, across);
     const double apart = norm(gap), lean = norm(across);
-    if (lean <= CLOSE) most = fmax(most, lean);
-    if (apart <= CLOSE) most = fmax(most, apart);
+    if (lean <= SPECIAL_CASE) most = fmax(most, lean);
+    if (apart <= SPECIAL_CASE) most = fmax(most, apart);
   }
   feet(&axes[4], &axes[5], one, other);
   difference(one, axes[3].p, gap);

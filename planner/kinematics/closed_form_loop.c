@@ -8,15 +8,15 @@
 #include "../../distance/compiled/cholesky.h"
 #include "arm_kinds.h"
 
-enum { MOST = 16 }; /* configurations */
+enum { MOST_BRANCHES = 16 }; /* configurations */
 
-static const double EXACT = 1e-10;    /* [m] and [rad] by which a configuration may miss the pose */
-static const double SAME = 1e-6;      /* [rad] between two configurations that are one */
-static const double FAR = 0.3;        /* [rad] beyond a limit of what the last steps need not bring back */
-static const double LOST = 1e-3;      /* [m] and [rad] still missed after half of the steps */
-static const double SINGULAR = 0.02;  /* [m] and [rad] for 1 rad, least: below it two configurations may be close */
-static const double AT_LIMIT = 1e-9;  /* [rad or m] beyond a limit that is rounding */
-static const double DAMPING = 1e-12;  /* λ² of the last steps */
+static const double POSE_ERROR = 1e-10; /* [m] and [rad] by which a configuration may miss the pose */
+static const double SAME_BRANCH = 1e-6; /* [rad] between two configurations that are one */
+static const double BEYOND_LIMIT = 0.3; /* [rad] beyond a limit of what the last steps need not bring back */
+static const double DIVERGED = 1e-3;    /* [m] and [rad] still missed after half of the steps */
+static const double SINGULAR = 0.02;    /* [m] and [rad] for 1 rad, least: below it two configurations may be close */
+static const double AT_LIMIT = 1e-9;    /* [rad or m] beyond a limit that is rounding */
+static const double DAMPING = 1e-12;    /* λ² of the last steps */
 
 /* A chain of n joints, each about (turns) or along a direction through a point, the link's placement `tip` where all
    are 0, which six of them are solved, from which of these on, in which direction, and how. */
@@ -84,16 +84,16 @@ static int refine(const axis* axes, const double* tip, const double* wanted, int
   for (int step = 0;; ++step) {
     look(axes, tip, wanted, q, at, link, error);
     const double missed = missed_by(error);
-    if (!(missed < 4.0) || step == steps || missed <= 1e-14) return missed <= EXACT;
-    if (2 * step >= steps && missed > LOST) return 0;
+    if (!(missed < 4.0) || step == steps || missed <= 1e-14) return missed <= POSE_ERROR;
+    if (2 * step >= steps && missed > DIVERGED) return 0;
     slope_at(axes, at, link, jacobian);
     square_of(jacobian, square);
-    if (!solved(SIX, SIX, square, error)) return missed <= EXACT;
+    if (!solved(SIX, SIX, square, error)) return missed <= POSE_ERROR;
     drawn_by(jacobian, error, way);
     double most = 0.0;
     for (int j = 0; j < SIX; ++j) most = fmax(most, fabs(way[j]));
     for (int j = 0; j < SIX; ++j) q[j] += way[j] * (most > 0.3 ? 0.3 / most : 1.0);
-    if (missed <= EXACT && most <= 1e-13) return 1;
+    if (missed <= POSE_ERROR && most <= 1e-13) return 1;
   }
 }
 
@@ -136,17 +136,17 @@ static double within(double value, int turns, double seed, double lower, double 
 
 /* Add a configuration, if there is none like it and room is left. Returns how many there are then. */
 static int add_root(const double* q, double (*roots)[SIX], int count) {
-  if (count == MOST) return count;
+  if (count == MOST_BRANCHES) return count;
   for (int i = 0; i < count; ++i) {
     double most = 0.0;
     for (int j = 0; j < SIX; ++j) most = fmax(most, apart(q[j], roots[i][j]));
-    if (most <= SAME) return count;
+    if (most <= SAME_BRANCH) return count;
   }
   for (int j = 0; j < SIX; ++j) roots[count][j] = q[j];
   return count + 1;
 }
 
-/* Configurations (MOST, n), in number returned, with what is held at `values`. */
+/* Configurations (MOST_BRANCHES, n), in number returned, with what is held at `values`. */
 static int branches(const chain* arm, const double* wanted, const double* values, const double* seed, double* found) {
   axis axes[SIX], seen[SIX];
   double at[12], next[12], tip[12], back[12], goal[12], inverse[12], other[SIX], angles[TRIED][SIX];
@@ -192,14 +192,14 @@ static int branches(const chain* arm, const double* wanted, const double* values
   else
     count = by_search(seen, target, turned_seed, angles);
   const int steps = arm->kind == MEETING ? 20 : 8;
-  double roots[MOST][SIX], q[SIX], way[SIX];
+  double roots[MOST_BRANCHES][SIX], q[SIX], way[SIX];
   int rooted = 0;
   for (int k = 0; k < count; ++k) {
     int inside = 1;
     for (int j = 0; j < SIX; ++j) q[order[j]] = arm->backwards ? -angles[k][j] : angles[k][j];
     for (int j = 0; j < SIX; ++j) { /* far beyond a limit no step leads back */
       const long long joint = arm->solved[j];
-      const double value = within(q[j], 1, seed[joint], arm->lower[joint] - FAR, arm->upper[joint] + FAR);
+      const double value = within(q[j], 1, seed[joint], arm->lower[joint] - BEYOND_LIMIT, arm->upper[joint] + BEYOND_LIMIT);
       inside = inside && value == value;
     }
     if (inside && refine(axes, tip, wanted, steps, q)) rooted = add_root(q, roots, rooted);
@@ -257,7 +257,7 @@ WRAPPER(call_branches) {
   const long long rows = taken.shape[0];
   if (rows > 1LL << 24) wrong(&taken, "held", "fewer rows");
   const double* seed = numbers(&taken, "seed", SHAPE(n));
-  double* found = written(&taken, "found", SHAPE(MOST * rows, n));
+  double* found = written(&taken, "found", SHAPE(MOST_BRANCHES * rows, n));
   long long* counts = written_indices(&taken, "counts", SHAPE(rows));
   if (ready(&taken)) {
     Py_BEGIN_ALLOW_THREADS;

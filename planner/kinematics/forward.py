@@ -16,8 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from hdplan.distance.compiled.loops import Record, twin_of
-from hdplan.planner.kinematics import forward_loop
+from hdplan.distance.compiled.loops import C, Record, twin_of
 from hdplan.planner.robot.pin_model import motion_axes
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
@@ -55,6 +54,13 @@ class KinematicsBatch:
         return self.columns[..., 3:]
 
 
+def _forward(kinematics: Kinematics, values: Array) -> tuple[Array, Array]:
+    batch, n = values.shape
+    placements, columns = np.empty((batch, kinematics.nj, 12)), np.empty((batch, n, 6))
+    C.forward(kinematics.tree.struct, values, placements, columns)
+    return placements, columns
+
+
 class Kinematics:
     """Kinematics of one model; `function` for CasADi graphs, `evaluate` for NumPy batches, from any thread.
 
@@ -62,7 +68,7 @@ class Kinematics:
         n: number of coordinates, those of joints that follow others included. nj: number of joints, world included.
         supports: (nj, n) True where coordinate j moves joint i.
         function: CasADi Function q (n,) -> R (3, 3 nj), the rotations side by side, and t (3, nj).
-        tree: the same for `forward_loop`.
+        tree: the same for the loops of C.
         state: CasADi Function q (n,) -> one vector: placements (nj, 12) and columns (n, 6), row by row, as in
             KinematicsBatch.
     """
@@ -127,7 +133,7 @@ class Kinematics:
             raise ValueError(f"{values.shape[1]} joint values, but the model has {self.n} joints")
         return KinematicsBatch(*self._state(values))
 
-    @twin_of(forward_loop.forward)
+    @twin_of(_forward)
     def _state(self, values: Array) -> tuple[Array, Array]:
         """Placements (B, nj, 12) and columns (B, n, 6)."""
         count = len(values)

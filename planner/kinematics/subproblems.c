@@ -15,7 +15,7 @@ static int on_circle(double a, double b, double c, double slack, double other, d
   const double size = hypot(a, b), middle = atan2(b, a);
   if (size <= NOTHING) {
     angles[0] = other;
-    return fabs(c) <= CLOSE;
+    return fabs(c) <= SPECIAL_CASE;
   }
   const double cosine = c / size;
   const double beyond = fabs(cosine) - 1.0;
@@ -40,7 +40,7 @@ void feet(const axis* a, const axis* b, double* on_a, double* on_b) {
   const double cosine = dot(a->h, b->h), sine2 = 1.0 - cosine * cosine;
   const double near_a = dot(a->h, between), near_b = -dot(b->h, between);
   double s = near_a, t = 0.0;
-  if (sine2 > CLOSE * CLOSE) {
+  if (sine2 > SPECIAL_CASE * SPECIAL_CASE) {
     s = (near_a + cosine * near_b) / sine2;
     t = (near_b + cosine * near_a) / sine2;
   }
@@ -143,7 +143,7 @@ int place_point(const axis* axes, const double* w, const double* t, double slack
   }
   cross(h3, arm, part[2]);
   const double lean = norm(e2);
-  const int meet = offset <= CLOSE, parallel = lean <= CLOSE;
+  const int meet = offset <= SPECIAL_CASE, parallel = lean <= SPECIAL_CASE;
   if (meet && parallel) return 0;
   for (int i = 0; i < 3; ++i) {
     e1[i] = meet ? 0.0 : d[i] / offset;

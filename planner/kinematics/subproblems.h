@@ -9,7 +9,7 @@
 
 enum { PER_HALF = 10, FEW = 2 * PER_HALF }; /* angles of a conic on half a circle, and what they make */
 
-static const double CLOSE = 1e-3;   /* [m] or sine below which axes meet, or are parallel: last steps make up for it */
+static const double SPECIAL_CASE = 1e-3;   /* [m] or sine below which axes meet, or are parallel: last steps make up for it */
 
 /* The angle by which `from` turns about h into the direction of `to`; `other` where either lies along h. */
 double angle_between(const double* h, const double* from, const double* to, double other);

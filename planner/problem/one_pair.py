@@ -101,7 +101,7 @@ def _where_near(
     points, weights, radius = points_seen(placements, body)
     x, least = projections(points, radius, normals, supports)
 
-    inner = inside(points.shape[1], kind.planes, kind.gamma, order, kind.shaping_length, kind.ends, kind.grows)
+    inner = inside(points.shape[1], kind.planes, kind.gamma, kind.shaping_length, order, kind.ends, kind.grows)
     seen, frame = inner.mx_in(), ca.MX.sym("frame", 12)
     value, gradient, *second = inner.call(seen)
     wrench, *by_sizes = ca.vertsplit(gradient, [0, 6 * kind.ends, gradient.numel()][: 2 + kind.grows])

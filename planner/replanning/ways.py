@@ -105,7 +105,7 @@ class Ways:
         row: int,
         moves: bool,
     ) -> None:
-        """Ask about the way, if nothing is on its way already and something is new: the world, or that no motion is
+        """Request the way, if nothing is on its way already and something is new: the world, or that no motion is
         proven for a while."""
         if self._pending is not None or self._waiting is not None or now < self._not_before:
             return

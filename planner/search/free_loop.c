@@ -8,9 +8,9 @@
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"
 
-#define MOST 131072.0 /* intervals that a line may need; a longer one counts as not free */
+#define MOST_INTERVALS 131072.0 /* intervals that a line may need; a longer one counts as not free */
 /* [m] of what moves most; the gaps of a wider interval would not last until its ends, and are left out */
-#define WIDE 0.15
+#define WIDEST_INTERVAL 0.15
 
 long long line_numbers(const space* of) {
   return 4 * of->pairs + 2 * of->arm->n + 12 * of->arm->joints + 6 * of->arm->n;
@@ -153,7 +153,7 @@ static long long left_open(line* along, double half, int wide, long long count) 
 static double end_of(line* along, double low, double high, long long count) {
   const double middle = 0.5 * (low + high), half = 0.5 * (high - low);
   place_between(along, middle);
-  const long long open = left_open(along, half, half * along->fastest > WIDE, count);
+  const long long open = left_open(along, half, half * along->fastest > WIDEST_INTERVAL, count);
   if (open == 0) return high;
   const long long first = along->active[0];
   if (!(half * along->rates[first] >= along->of->finest) || (open < 0 && along->whole)) {
@@ -194,7 +194,7 @@ double free_until(line* along, const double* from, const double* to, int whole) 
   along->hit = -1;
   along->whole = whole;
   bound(along);
-  if (!(along->fastest <= MOST * of->finest)) {
+  if (!(along->fastest <= MOST_INTERVALS * of->finest)) {
     along->hit = 0;
     return 0.0;
   }

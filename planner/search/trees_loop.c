@@ -8,10 +8,10 @@
 
 enum { SURFACES = 3, STEPS = 16 };
 
-#define LEAST 1e-3 /* least length of a line that is kept */
-#define BACK 1e-3  /* [m] that a line ends before what it meets, at most half of it */
-#define NEARER 0.8 /* share of the way to a target that is left, at most, where the other tree is to follow */
-#define AWAY 0.1   /* share of a step along a surface by which it leaves the surface */
+#define SHORTEST_LINE 1e-3 /* least length of a line that is kept */
+#define STOP_SHORT 1e-3    /* [m] that a line ends before what it meets, at most half of it */
+#define NEARER 0.8         /* share of the way to a target that is left, at most, where the other tree is to follow */
+#define AWAY 0.1           /* share of a step along a surface by which it leaves the surface */
 
 /* Nodes (capacity, n), of which `count` are there, and the row of each one's parent. */
 typedef struct {
@@ -94,7 +94,7 @@ static long long grow(const growth* of, branches* tree, long long from, const do
     const double* q = tree->nodes + n * from;
     for (long long i = 0; i < n; ++i) of->way[i] = target[i] - q[i];
     const double left = slide(of, surfaces);
-    if (!(left > LEAST)) break;
+    if (!(left > SHORTEST_LINE)) break;
     const double share = least_of(1.0, of->longest / left);
     for (long long i = 0; i < n; ++i) {
       const double end = surfaces || share < 1.0 ? q[i] + share * of->way[i] : target[i];
@@ -102,8 +102,8 @@ static long long grow(const growth* of, branches* tree, long long from, const do
     }
     double reached = free_until(of->along, q, of->end, 0);
     const int met = reached < 1.0;
-    if (met) reached -= least_of(0.5 * reached, BACK / most_of(of->along->rates[of->along->hit], BACK));
-    if (reached * share * left > LEAST) {
+    if (met) reached -= least_of(0.5 * reached, STOP_SHORT / most_of(of->along->rates[of->along->hit], STOP_SHORT));
+    if (reached * share * left > SHORTEST_LINE) {
       for (long long i = 0; i < n; ++i) of->end[i] = met ? q[i] + reached * (of->end[i] - q[i]) : of->end[i];
       from = add(tree, n, from, of->end);
       *arrived = !met && !surfaces && share == 1.0;

@@ -96,7 +96,7 @@ def tables_of(problems: Sequence[Problem]) -> Tables:
 
 
 def _tree(problem: Problem) -> tuple[Any, ...]:
-    """Return the tree of joints as `forward_loop` has it."""
+    """Return the tree of joints as `Kinematics.tree` has it."""
     fields: tuple[Any, ...] = problem.kinematics.tree.fields
     return fields
 

@@ -73,15 +73,15 @@ class Editing:
         self._timers: dict[str, threading.Timer] = {}  # by what is to be done
 
     def ask(self, way: str) -> None:
-        """Ask for "undo", "redo" or "reset"; each press counts. By any thread."""
+        """Request "undo", "redo" or "reset"; each press counts. By any thread."""
         self.do(lambda: self._back(way))
 
     def do(self, job: Callable[[], object]) -> None:
-        """Ask for something that counts each time; what is refused is reported. By any thread."""
+        """Request something that counts each time; what is refused is reported. By any thread."""
         self._viewer.worker.ask(f"do {next(self._numbers)}", lambda: (self.guarded(job), None)[1])
 
     def edit(self, field: str, edit: Edit, typed: tuple[str, ...] = ()) -> None:
-        """Ask for an edit of a field, in which that is `typed`; of several values that wait, only the newest counts. By
+        """Request an edit of a field, in which that is `typed`; of several values that wait, only the newest counts. By
         any thread."""
         moment = time.monotonic()
 

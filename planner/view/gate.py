@@ -180,7 +180,7 @@ class Guarded(ServerConnection):
         self._files: dict[str, _File] = {}  # by transfer
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Be one of the open connections."""
+        """Count as one of the open connections."""
         self._connections.add(self)
         super().connection_made(transport)
 

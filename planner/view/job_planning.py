@@ -36,7 +36,7 @@ class JobPlanning:
         return self._elsewhere or self._newest.running
 
     def ask(self, edited: EditedJob) -> None:
-        """Ask for a plan of a job; one that is being planned is given up."""
+        """Request a plan of a job; one that is being planned is given up."""
         self._newest.ask(edited)
 
     def stop(self) -> None:

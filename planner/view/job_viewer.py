@@ -214,7 +214,7 @@ class JobViewer(Served):
             self.worker.ask("plan", self.plan)
 
     def go_back(self, way: str) -> None:
-        """Ask for "undo", "redo" or "reset"."""
+        """Request "undo", "redo" or "reset"."""
         self.worker.ask(way, lambda: self._back(way))
 
     def _go_to_stage(self, _: object, message: Message) -> None:
@@ -225,13 +225,13 @@ class JobViewer(Served):
     # --- changes: by the worker's thread --------------------------------------------------------------------------
 
     def plan(self) -> None:
-        """Ask for a plan of the job in the scene as it is."""
+        """Request a plan of the job in the scene as it is."""
         self.planning.ask(self.edited)
         self._say()
         self._say_next("planning the job …")
 
     def replan(self) -> None:
-        """Ask for a plan of the job after a change, if that is wanted."""
+        """Request a plan of the job after a change, if that is wanted."""
         if self.live.value:
             self.plan()
 

@@ -77,7 +77,7 @@ class Live:
             self._say(IDLE if self.on else f"off, as a plan takes more than {LIVE_LIMIT:g} s here")
 
     def follow(self) -> None:
-        """Ask for a motion in the scene as it is now."""
+        """Request a motion in the scene as it is now."""
         viewer = self._viewer
         active = viewer.motions.active
         if not self.on or viewer.edited.missed:

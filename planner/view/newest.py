@@ -42,7 +42,7 @@ class Newest(Generic[Wish]):
         return self.ended or turn != self._turn
 
     def ask(self, wish: Wish) -> None:
-        """Ask for work on a wish, in place of one that waits."""
+        """Request work on a wish, in place of one that waits."""
         with self._changed:
             self._wishes = [wish]
             self._changed.notify_all()

@@ -30,7 +30,7 @@ class Worker:
         self._thread.start()
 
     def ask(self, kind: str, job: Job, urgent: bool = False) -> None:
-        """Ask for a job; one of the same kind that still waits is dropped. An `urgent` kind goes before others: for
+        """Request a job; one of the same kind that still waits is dropped. An `urgent` kind goes before others: for
         short jobs that come steadily, as the frames of a motion do."""
         with self._changed:
             self._waiting[kind] = job

@@ -303,7 +303,7 @@ def test_every_axis_has_its_length(name: str, recorded: dict[str, list[Call]]) -
 
 
 def is_written(name: str, given: Call, place: int, argument: str) -> bool:
-    """Whether an array must be writable; if not, it stays as it is."""
+    """True if an array must be writable; if not, it stays as it is."""
     closed = given[place].copy()
     closed.setflags(write=False)
     words = refusal(functions()[name], with_one(given, place, closed))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-import threading
 from dataclasses import replace
 
 import numpy as np
@@ -332,28 +330,6 @@ def test_many_poses_are_those_one_by_one(poses):
     for k in range(len(poses[0])):
         for x, y in zip(at_once, distance.hessian(poses[0][k], poses[1][k]), strict=True):
             np.testing.assert_array_equal(x[k], y)
-    again = pickle.loads(pickle.dumps(distance)).hessian(*poses)
-    for x, y in zip(at_once, again, strict=True):
-        np.testing.assert_array_equal(x, y)
-
-
-def test_two_threads_share_one(poses):
-    distance = hdsdf_compiled(BALLS, BALLS)
-    right, found = distance.hessian(*poses), {}
-
-    def work(number):
-        found[number] = [distance.hessian(*poses) for _ in range(50)]
-
-    threads = [threading.Thread(target=work, args=(k,)) for k in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for results in found.values():
-        for result in results:
-            for x, y in zip(right, result, strict=True):
-                np.testing.assert_array_equal(x, y)
-    assert len(found) == 2
 
 
 def test_exact_distances_are_the_least_of_the_pairs(poses):

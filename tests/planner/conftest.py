@@ -1,4 +1,4 @@
-"""What several planner tests need."""
+"""Fixtures of several planner tests."""
 
 from __future__ import annotations
 

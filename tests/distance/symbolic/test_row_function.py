@@ -261,7 +261,7 @@ def test_cc_names_the_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @needs_compiler
 def test_processes_may_write_at_once(cache: Path) -> None:
-    """Whoever comes first, all get a whole library, and only whole libraries remain."""
+    """All processes get a whole library, the first one and the others, and only whole libraries remain."""
     code = (
         "import numpy as np, casadi as ca; from hdplan.distance.symbolic.row_function import RowFunction\n"
         "x = ca.SX.sym('x', 3); f = RowFunction(ca.Function('raced', [x], [ca.sin(x)]))\n"

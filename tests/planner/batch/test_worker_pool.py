@@ -39,7 +39,7 @@ def arms(count: int) -> list[Job]:
 
 
 def same(one: Outcome, other: Outcome) -> bool:
-    """Whether two outcomes are the same, times aside."""
+    """True if two outcomes are the same, times aside."""
 
     def plain(outcome: Outcome) -> tuple[Any, ...]:
         figures = {key: value for key, value in outcome.figures.items() if not key.startswith("time_")}

@@ -80,6 +80,6 @@ def crated(urdf: Path, seed: int, window: float, **changes: Any) -> Scene:
 
 
 def proven(scene: Scene, required: float = 0.0) -> str:
-    """What is proven of a scene without any search."""
+    """Claims that are proven of a scene without any search."""
     found = next(filter(None, looks(Certifier(Setup.of(scene)), required, {})), ())
     return "; ".join(each.words for each in found)

@@ -188,7 +188,7 @@ def test_the_distance_to_balls_is_that_of_the_closest_one(seed: int) -> None:
 
 
 def test_the_pieces_of_a_cloud_are_made_once_wherever_it_stands() -> None:
-    """Whoever drags something in a scene with a large cloud waits for nothing that stays as it was."""
+    """A drag in a scene with a large cloud waits for nothing that stays as it was."""
     points = np.random.default_rng(0).uniform(-0.3, 0.3, (400, 3))
     clouds = (Obstacle("seen", Cloud(points.copy(), radius=0.01), Pose((x, 0.0, 0.0))) for x in (0.0, 1.0))
     here, there = map(obstacle_bodies, clouds)

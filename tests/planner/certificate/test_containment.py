@@ -41,7 +41,7 @@ class Star:
     scales: tuple[float, ...] = (1.0,)  # of the walls, from outside to inside
 
     def walls(self, points: Array) -> Array:
-        """Where each point (k, 3) is, as a share of the outermost wall in its direction: by the one triangle that a ray
+        """Places of points (k, 3), as a share of the outermost wall in its direction: by the one triangle that a ray
         from the origin meets."""
         shares = np.empty(len(points))
         corners = self.vertices[self.faces].transpose(0, 2, 1)
@@ -51,7 +51,7 @@ class Star:
         return shares
 
     def inside(self, points: Array) -> NDArray[np.bool_]:
-        """Whether points (k, 3) are in the material."""
+        """True if points (k, 3) are in the material."""
         shares = self.walls(points)
         return np.asarray(sum((shares < scale).astype(int) for scale in self.scales) % 2 == 1)
 
@@ -170,8 +170,9 @@ def write_arm(file: Path, arm: str = link_text("arm"), hand: str = link_text("ha
     return write_robot(file, link_text("base"), arm, link_text("elbow"), hand, *joints)
 
 
-ROLES = ("link, obstacle", "obstacle, link", "held, obstacle", "obstacle, held", "held, mover", "link, link")
-ROLES += ("held, link",)
+ROLES = (
+    "link, obstacle", "obstacle, link", "held, obstacle", "obstacle, held", "held, mover", "link, link", "held, link"
+)  # fmt: skip
 
 
 def rotation(axis: int, angle: float) -> Array:
@@ -251,7 +252,7 @@ def test_no_ball_in_the_material_is_free_in_any_role(role: str, tmp_path: Path) 
 
 
 def test_an_obstacle_is_distinguished_from_its_twin_in_the_robot(tmp_path: Path) -> None:
-    """It has the name, the mesh and, at first, the place of a link; later it is around another link."""
+    """The obstacle has the name, the mesh and, at first, the place of a link; later it is around another link."""
     body = to_file(star(np.random.default_rng(0), 1.0, spikes=0.3).mesh(), tmp_path / "body.stl")
     slide = joint_text("slide", "base", "hand", "1 0 0", kind="prismatic", at="3 0 0")
     links = link_text("base", mesh=body), link_text("hand", sphere=0.05)

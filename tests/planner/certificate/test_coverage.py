@@ -24,6 +24,7 @@ from hdplan.planner.certificate.limit_checks import LimitFinding
 from hdplan.planner.certificate.rate_check import RateCheck
 from hdplan.planner.certificate.solids import link_bodies, obstacle_bodies
 from hdplan.planner.certificate.sweep import Sweep
+from hdplan.planner.robot import scene_robot
 from hdplan.planner.robot.setup import Setup
 
 START = [0.0, -0.8, 0.0, -2.2, 0.0, 1.5, 0.8]
@@ -170,10 +171,6 @@ def no_loads(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Setup, "loaded_model", property(lambda setup: setup.robot.model))
 
 
-def no_narrowing(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("hdplan.planner.robot.scene_robot._narrowed", lambda robot, ranges: robot)
-
-
 def fewer_uses(found: LimitFinding) -> LimitFinding:
     return dataclasses.replace(found, uses=tuple(use for use in found.uses if use.quantity != "jerk"))
 
@@ -181,10 +178,6 @@ def fewer_uses(found: LimitFinding) -> LimitFinding:
 def only_kept(count: int) -> Callable[[pytest.MonkeyPatch], None]:
     made = path_bounds.held_by
     return lambda patch: patch.setattr(path_check, "held_by", lambda setup: made(setup)[:count])
-
-
-def goalless(found: dict[str, Any]) -> dict[str, Any]:
-    return {name: status for name, status in found.items() if name != "goal"}
 
 
 def at(name: str) -> Callable[[Bodies, Pairs], Any]:
@@ -195,7 +188,7 @@ FORGOTTEN: list[tuple[str, Callable[[pytest.MonkeyPatch], None]]] = [
     ("limits.jerk", dropping(RateCheck, "check", fewer_uses)),
     ("limits.torque", lambda patch: patch.setattr(certifier, "limit_checks", lambda setup: [RateCheck(setup)])),
     ("limits.velocity", lambda patch: patch.setattr(certifier, "limit_checks", lambda setup: [])),
-    ("limits.position", no_narrowing),
+    ("limits.position", lambda patch: patch.setattr(scene_robot, "_narrowed", lambda robot, ranges: robot)),
     ("payload", no_loads),
     ("attached.cup.mass", no_loads),
     ("attached.cup", without_bodies("cup", own=True)),
@@ -211,7 +204,7 @@ FORGOTTEN: list[tuple[str, Callable[[pytest.MonkeyPatch], None]]] = [
     ("self_collision", without_pairs(lambda bodies, pairs: pairs.group == 1)),
     ("self_collision", dropping(Certifier, "floor", lambda floor: 0.0 * floor)),
     ("obstacles.box", dropping(Sweep, "prove", lambda proof: dataclasses.replace(proof, whole=False))),
-    ("goal", dropping(EndCheck, "misses", goalless)),
+    ("goal", dropping(EndCheck, "misses", lambda found: {x: y for x, y in found.items() if x != "goal"})),
     ("path.relative.orientation_tolerance", only_kept(3)),
     ("path.position", only_kept(1)),
     ("path.upright", lambda patch: patch.setattr(path_check, "PathCheck", lambda *_: None)),

@@ -61,7 +61,7 @@ def test_a_plan_ends_with_the_proof(urdf: Path) -> None:
 
 
 def test_a_look_ends_between_its_parts_where_the_search_is_over(urdf: Path) -> None:
-    """It goes on there when there is time again: the proof is the same."""
+    """The search continues there when there is time again: the proof is the same."""
     scene, ended = crated(urdf, 0, 1.9 * RADIUS), [False, True, True]
     search: Any = Ending(Certifier(Setup.of(scene)), lambda: ended.pop(0) if ended else False)
     assert isinstance(scene.goal, JointTarget)

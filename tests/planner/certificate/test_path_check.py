@@ -57,7 +57,7 @@ def proof_of(robot: Robot, scene: Scene, curve: Curve) -> PathProof:
 
 
 def is_broken(proof: PathProof, kept: Kept, values: Array, interval: Rows, scale: float) -> bool:
-    """Whether a constraint is refuted; its bound is neither below its values (k,) at places in intervals (k,), nor far
+    """True if a constraint is refuted; its bound is neither below its values (k,) at places in intervals (k,), nor far
     above the truth, and where they are not allowed, it is not proven."""
     assert values.max() <= kept.worst
     assert kept.met <= kept.worst

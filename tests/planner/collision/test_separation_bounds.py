@@ -19,7 +19,7 @@ from hdplan.distance.baselines.coal import coal_hull, signed_distance
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled.loops import C
 from hdplan.planner.build import build
-from hdplan.planner.collision import separation_bounds, separation_loop
+from hdplan.planner.collision import separation_bounds
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.collision_model import CollisionModel, collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
@@ -284,7 +284,7 @@ def test_all_pairs_together_stay_within_the_budget(way: str, monkeypatch: pytest
         kept = separation_bounds.distances_kept(*given)
         assert sum(looked) <= budget + 2 * separation_bounds.BATCH * len(kept)
         assert (kept > 0.0).sum() <= (everything > 0.0).sum()
-        assert (kept <= everything / separation_loop.TIGHT_SHARE + EXACT).all()  # the least distance met is no less
+        assert (kept <= everything / separation_bounds.TIGHT_SHARE + EXACT).all()  # the least distance met is no less
 
 
 # --- obstacles out of reach -------------------------------------------------------------------------------------------

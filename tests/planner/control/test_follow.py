@@ -153,7 +153,7 @@ def test_check_reports_of_the_written_motion_what_follow_reported(
 
 
 def test_the_executed_motion_follows_the_commands(free: Followed) -> None:
-    """It stays within the hull of four commanded places, no faster than them, a spline to the second derivative."""
+    """The motion is within the hull of four commanded places, no faster, a spline to the second derivative."""
     curve, places, period = free.trajectory.curve, free.run.positions, free.run.period
     np.testing.assert_array_equal(curve.rows[[0, -1]], places[[0, -1]])
     padded = np.concatenate([places[:1], places[:1], places, places[-1:], places[-1:]])

@@ -203,7 +203,7 @@ def test_nothing_is_sent_to_an_arm_that_does_not_fit(planned: tuple[hdplan.Scene
 
 
 def test_a_replanner_drives_the_body(planned: tuple[hdplan.Scene, Trajectory]) -> None:
-    """It arrives, within the tracking error of its scene, and stands where it was to stand."""
+    """The body arrives, within the tracking error of its scene, and stands at the planned place."""
     scene = replace(planned[0], robot=hdplan.RobotSpec("panda", tracking=hdplan.Tracking(0.01, 0.4)))
     arm = control.MuJoCoArm.of(scene)
     with hdplan.Replanner(scene, clock=arm.time, executor=AtOnce()) as replanner:

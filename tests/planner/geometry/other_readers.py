@@ -3,17 +3,40 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
+from hdplan import InputError
+from hdplan.planner.geometry.mesh_files import read_mesh_file
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
 from sieges.meshes_files import by_assimp as by_assimp
 
 SAME = 5e-5  # of the largest coordinate: Assimp calculates in single precision, and turns by angles in degrees
+
+
+def read(path: Path) -> np.ndarray:
+    """The triangles (F, 3, 3) that hdplan reads."""
+    vertices, corners = read_mesh_file(path)
+    return vertices[corners]
+
+
+def judged(path: Path, before: np.ndarray, others: Callable[[], list[np.ndarray]]) -> str:
+    """The fate of a spoilt file: refused in one line, the same, or as others (who may not mirror parts) have it."""
+    try:
+        ours = read(path)
+    except InputError as error:
+        assert str(error).isprintable()  # noqa: PT017
+        return "refused"
+    if ours.shape == before.shape and np.abs(ours - before).max() < 1e-9:
+        return "the same"
+    assert min(apart(ours, turned) for each in others() for turned in (each, each[:, ::-1])) <= SAME
+    return "as others have it"
 
 
 def apart(ours: np.ndarray, theirs: np.ndarray) -> float:

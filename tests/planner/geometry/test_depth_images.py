@@ -1,4 +1,4 @@
-"""What a depth image saw is covered by its balls, without holes, and by little more."""
+"""Points that a depth image saw are covered by its balls, without holes, and by little more."""
 
 from __future__ import annotations
 

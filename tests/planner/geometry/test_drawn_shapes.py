@@ -1,4 +1,4 @@
-"""What is drawn of simple shapes: closed, outward, inside the true shape and nearly as large."""
+"""Drawn simple shapes: closed, outward, inside the true shape and nearly as large."""
 
 from __future__ import annotations
 

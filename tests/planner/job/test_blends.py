@@ -305,7 +305,7 @@ def test_the_middle_of_a_blend_excuses_no_lesser_clearance(planned: JobResult) -
 
 @pytest.mark.parametrize("seed", range(2))
 def test_one_slow_stage_makes_no_job_slower_than_with_stops(seed: int) -> None:
-    """It is slow itself, and nothing else is; finer steps make no motion slower."""
+    """The stage is slow itself, and nothing else is; finer steps make no motion slower."""
     rng = np.random.default_rng(seed)
     line = hdplan.Line(by=[0.05, 0.12, 0.0], link=TOOL, blend=0.03, speed=1.0)
     round_ = hdplan.Circle(by=[0.1, 0.1, 0.0], interim=[0.03, 0.07, 0.0], link=TOOL, blend=0.03)

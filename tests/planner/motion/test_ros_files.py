@@ -244,7 +244,7 @@ def test_ros_1_counts_secs_and_nsecs(tmp_path: Path) -> None:
 @pytest.mark.core
 @pytest.mark.parametrize("ending", ROS)
 def test_a_file_that_was_cut_off_is_refused(tmp_path: Path, ending: str) -> None:
-    """It is never read as a shorter motion."""
+    """A cut file is never read as a shorter motion."""
     before = random_motion(11)
     before.save(tmp_path / f"whole{ending}")
     data = (tmp_path / f"whole{ending}").read_bytes()

@@ -1,4 +1,4 @@
-"""What a proof claims beside clearances: torques, path constraints and goals that are poses, by the checker alone."""
+"""Claims of a proof beside clearances: torques, path constraints and goals that are poses, by the checker alone."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def read(folder: Path) -> tuple[Setup, World, hdplan.Trajectory]:
 
 
 def bonds_of(world: World) -> list[Bond]:
-    """What keeps the path constraints of a world."""
+    """Proof that the path constraints of a world are kept."""
     return bonds_of_path(world, world.path, lambda: True)
 
 

@@ -1,4 +1,4 @@
-"""What stays in a dent of a mesh, or in an open box, is proven not to lie within what its triangles enclose; what does
+"""A body in a dent of a mesh, or in an open box, is proven not to lie within what its triangles enclose; what does
 lie within has no proof, whatever rays a proof names."""
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def dot_at(point: Any) -> Data:
 
 
 def clear(found: World, ways: Any, row: int = 0) -> list[bool]:
-    """Whether rays of the first entry are shown to miss the mesh."""
+    """True if rays of the first entry are shown to miss the mesh."""
     number, pieces = found.outside[0]
     joint = next(x.joint for x in found.pieces if x.body == number)
     motion = Motion(found, np.array([[row, row + NARROWEST]]))
@@ -65,7 +65,7 @@ def clear(found: World, ways: Any, row: int = 0) -> list[bool]:
 
 
 def proposed(found: World) -> list[bool]:
-    """Whether the writer finds rays, which the kernel takes."""
+    """True if the writer finds rays, which the kernel takes."""
     made = [*rays(found)]
     if all(made):
         check_outside(found, np.array([x[0] for x in made if x]), np.array([x[1] for x in made if x]))
@@ -73,7 +73,7 @@ def proposed(found: World) -> list[bool]:
 
 
 def hit(p: list[int], n: list[int], triangle: list[list[int]]) -> bool:
-    """Whether p + t n, t >= 0, meets a triangle or its edge: in fractions, by the plane and three sides."""
+    """True if p + t n, t >= 0, meets a triangle or its edge: in fractions, by the plane and three sides."""
     a, b, c = ([Fraction(x - y) for x, y in zip(corner, p, strict=True)] for corner in triangle)
 
     def cross(x: Any, y: Any) -> list[Fraction]:

@@ -32,7 +32,7 @@ IGNORED = {**ROBOT, "ignore_pairs": [["base", "fore"], ["base", "hand"], ["up", 
 
 
 def shapes_of(world: World) -> list[tuple[int, int, bool]]:
-    """What of the pairs does not depend on names."""
+    """Properties of the pairs that do not depend on names."""
     return [(*pair, within) for pair, within in zip(world.pairs.tolist(), world.within.tolist(), strict=True)]
 
 

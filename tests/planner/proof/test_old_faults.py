@@ -1,4 +1,4 @@
-"""What hdplan's certificate once got wrong, its siblings too: whatever proof a faulty certificate would have written,
+"""Former faults of hdplan's certificate, and their siblings: whatever proof a faulty certificate would have written,
 the checker rejects it, and names what is wrong."""
 
 from __future__ import annotations

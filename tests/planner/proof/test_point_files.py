@@ -142,8 +142,8 @@ def test_the_world_of_a_scene_takes_nothing_from_the_proof(tmp_path: Path) -> No
         (tmp_path / f"a{kind}").write_bytes(made(np.random.default_rng(1)))
         clouds.append(hdplan.Cloud(tmp_path / f"a{kind}", 0.002, name=kind, drop_nan=True, pose=[9e3, 0.0, 0.0]))
     scene = hdplan.Scene(robot="panda", obstacles=clouds, start="default", goal="default")
-    *files, setup, motion = saved(scene, tmp_path)
+    file, held, setup, motion = saved(scene, tmp_path)
     world = json.loads(json.dumps(world_of(setup, motion), default=plain))
-    found = read_world(*files, world)
+    found = read_world(file, held, world)
     assert not found.taken
     check_equal(found.world, world)

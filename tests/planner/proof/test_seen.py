@@ -40,7 +40,6 @@ from .worlds import packed, saved, unpacked
 
 CAMERA = [40.0, 37.5, 12.0, 7.0]
 SHAPE = (16, 25)
-Change = Callable[[dict[str, Any]], Any]
 
 
 def image(rng: np.random.Generator) -> Any:
@@ -70,6 +69,7 @@ def test_balls_are_those_of_the_planner_and_of_the_definition(seed: int, tmp_pat
     planned = balls_in(read_cloud(hdplan.Cloud(hdplan.DepthImage(depth, CAMERA), section["radius"]), "")).array
     for file in files_of(depth, tmp_path):
         found = balls_of("depth", {"file": file.name, **section}, "a", tmp_path, Files())
+        assert found is not None
         np.testing.assert_allclose(found[0].mid, planned[:, :3], rtol=0, atol=1e-14)
         np.testing.assert_allclose(found[1], planned[:, 3], rtol=1e-11)
         assert (found[1] >= planned[:, 3] * (1 - 2e-12)).all()
@@ -263,13 +263,13 @@ def test_a_point_that_a_mesh_surrounds_counts_as_in_it(open_: bool, tmp_path: Pa
     inside, beside = [1.5, 0.5, 0.5], [1.5, 0.5, -0.05]
     seen = hdplan.Cloud([inside, beside, [3.0, 0, 0]], 0.01, name="seen", ignore=hdplan.Ignored(0.1, obstacle="box"))
     scene = hdplan.Scene(robot="panda", obstacles=[box, seen], start=START, goal=START)
-    *given, setup, motion = saved(scene, tmp_path)
+    file, held, setup, motion = saved(scene, tmp_path)
     world = world_of(setup, motion)
     assert len(balls(world)["points"]) == (2 if open_ else 1)
-    check_equal(read_world(*given, world).world, world)
+    check_equal(read_world(file, held, world).world, world)
     if open_:
         with pytest.raises(RejectedError):
-            read_world(*given, without(world, [1]))
+            read_world(file, held, without(world, [1]))
 
 
 # --- forged scenes and images -----------------------------------------------------------------------------------------

@@ -208,7 +208,7 @@ def same_shape(section: dict[str, Any], third: Shape, file: str = "") -> None:
 
 
 def binary(file: str) -> bool:
-    """Whether a mesh is a binary STL file, whose numbers are of single precision themselves."""
+    """True if a mesh is a binary STL file, whose numbers are of single precision themselves."""
     data = Path(file).read_bytes()
     return file.lower().endswith(".stl") and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
 
@@ -220,7 +220,7 @@ def _rows(corners: Array) -> Array:
 
 
 def _all_near(one: Array, two: Array, off: float) -> bool:
-    """Whether each row has one of the others within `off`, as far as it has three different corners then."""
+    """True if each row has one of the others within `off`, as far as it has three different corners then."""
     edges = np.abs(one.reshape(-1, 3, 3) - np.roll(one.reshape(-1, 3, 3), 1, axis=1)).max(axis=2).min(axis=1)
     rows = one[: len(one) // 6][edges[: len(one) // 6] > 2 * off]
     return bool((KDTree(two).query(rows, p=np.inf, distance_upper_bound=off + 1e-12)[0] <= off).all())
@@ -259,7 +259,7 @@ def matrix(section: dict[str, Any]) -> Array:
 
 
 def driven(values: dict[str, float]) -> Array:
-    """Where a mobile base is, if the robot has one."""
+    """Place of a mobile base, if the robot has one."""
     x, y, yaw = (values.get(name, 0.0) for name in WHEELS)
     return np.asarray(pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, 0.0])).homogeneous)
 
@@ -470,7 +470,7 @@ def homogeneous(turn: Rotation, at: Array) -> Array:
 
 
 def place_of(entry: dict[str, Any], time: float) -> Array:
-    """Where an obstacle of a scene is at a time."""
+    """Place of an obstacle of a scene at a time."""
     turn, at = pose_of(entry.get("pose"))
     motion = entry.get("motion", {})
     if "times" in motion:

@@ -1,4 +1,4 @@
-"""What a hostile proof or file must not get past the checker, and what it must not cost."""
+"""Hostile proofs and files do not get past the checker, and cost little."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def files(
 
 
 def claimed(scene: Path, motion: Path, *claims: str) -> str:
-    """What the checker makes of a proof that claims this, beside clearances."""
+    """Verdict of the checker on a proof that claims this, beside clearances."""
     head = {"clearance": 1e-3, "self_clearance": 1e-3, "claims": [*claims]}
     return statement(read(scene, motion), head)[0]
 

@@ -133,7 +133,7 @@ def test_shapes_are_those_of_the_page() -> None:
 
 
 def frames_of(found: World, rows: Array) -> Array:
-    """Where the joints are (k, m, 4, 4) at rows (k, n) of joints that follow none, composed from a world's numbers."""
+    """Places of the joints (k, m, 4, 4) at rows (k, n) of joints that follow none, composed from a world's numbers."""
     free = iter(rows.T)
     values: list[Array] = [np.empty(0)] * len(found["joints"])
     for i, joint in enumerate(found["joints"]):
@@ -211,8 +211,8 @@ def test_robots_with_followers_or_a_base_that_moves_or_hangs_are_where_pinocchio
 
 def test_followers_and_what_limits_them(tmp_path: Path) -> None:
     """Each joint has its own limits; the planned ones are not narrowed by what follows them, nor are its velocities."""
-    limits = Limits(velocity={"lift": 0.5}, acceleration=2.0)
-    found = world(lifter(tmp_path, limits=limits, timing=Timing(duration=3.0)))
+    given = Limits(velocity={"lift": 0.5}, acceleration=2.0)
+    found = world(lifter(tmp_path, limits=given, timing=Timing(duration=3.0)))
     names = [joint["name"] for joint in found["joints"]]
     follows = {joint["name"]: joint["follows"] for joint in found["joints"] if joint["follows"]}
     assert names == ["turn", "cylinder", "lift", "elbow", "roll", "bend", "slide", "piston", "rod"]

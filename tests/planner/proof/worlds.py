@@ -65,7 +65,7 @@ def bare(bodies: list[Data], positions: list[list[float]], times: Any = None, tr
 
 
 def words_of(scene: Path, motion: Path, proof: bytes) -> str:
-    """What a proof's content proves, in the checker's words. Raises RejectedError."""
+    """Claims that a proof's content proves, in the checker's words. Raises RejectedError."""
     return check(scene, motion, proof)[0].text
 
 
@@ -84,7 +84,7 @@ def read_and_planned(setup: Setup, scene: Path, motion: Path, cuts: Data | None 
 
 
 def kind_of(shape: Data) -> tuple[str, list[float]]:
-    """What a world's shape is to those who know kinds of shapes, and its sizes."""
+    """Kind of a world's shape, and its sizes."""
     points, sweep, parts = np.array(shape["points"]), np.array(shape["sweep"]), shape["parts"]
     if parts is not None:
         return {1: "balls", 3: "mesh", 8: "boxes"}[len(parts[0])], []

@@ -1,4 +1,4 @@
-"""Which links are kept apart, judged by walking random trees of joints, with and without geometry on the links."""
+"""Links that are kept apart, judged by walking random trees of joints, with and without geometry on the links."""
 
 from __future__ import annotations
 

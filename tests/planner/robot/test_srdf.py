@@ -34,13 +34,11 @@ def random_robot(rng: np.random.Generator, folder: Path) -> RobotSpec:
             x, y, z = rng.normal(size=3) * 0.1
             shapes.append(f"<collision><origin xyz='{x} {y} {z}'/><geometry>{shape}</geometry></collision>")
         parts.append(f"<link name='l{i}'>{''.join(shapes)}</link>")
-    mimics = 0
     for i in range(1, count):
         parent = int(rng.integers(max(0, i - 3), i))
         kind = rng.choice(["fixed", "revolute", "prismatic", "continuous"])
         name = f"finger{i}" if i == count - 1 and i > 1 else f"j{i}"
         follows = f"<mimic joint='j{i - 1}' multiplier='1.5' offset='0.3'/>" if rng.uniform() < 0.15 and i > 1 else ""
-        mimics += bool(follows)
         (x, y, z), (u, v, w) = rng.normal(size=3) * rng.choice([0.05, 0.3]), rng.normal(size=3)
         parts.append(
             f"<joint name='{name}' type='{kind}'><parent link='l{parent}'/><child link='l{i}'/>"

@@ -113,7 +113,7 @@ def test_configurations_found_reach_the_pose_nearest_first(name: str, least: int
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_seed_that_reaches_the_pose_is_the_first(name: str) -> None:
-    """It is the same to the bit; one beyond the limits is no answer."""
+    """The configuration is the same to the bit; one beyond the limits is no answer."""
     robot = load_robot(name)
     for q in robot.draw(np.random.default_rng(8), 5):
         for every in (False, True):

@@ -114,7 +114,7 @@ def test_an_interrupt_within_them_ends_the_search(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_warm_start_is_followed_without_further_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whether it is a path or a timed motion; and what comes of it is proven and costs as much."""
+    """Paths and timed motions alike; the result is proven and costs as much."""
     for limits in (Limits(), Limits(velocity="urdf", acceleration=15.0, jerk=500.0)):
         scene = dataclasses.replace(load_scene("panda_bookshelf"), limits=limits)
         last = plan(scene)

@@ -1,4 +1,4 @@
-"""What ends a run of Ipopt or fatrop, neither of which Python can interrupt, and what is kept of it."""
+"""The end of a run of Ipopt or fatrop, neither of which Python can interrupt, and what is kept of it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def cage() -> Problem:
 
 
 def better(problem: Problem, solution: Solution) -> bool:
-    """Whether a motion beats the straight line that it began with, at the weight of its one step."""
+    """True if a motion beats the straight line that it began with, at the weight of its one step."""
     weight = solution.steps[0].weight
     found = problem.evaluate(solution.trajectory.positions, weight).cost
     return found < problem.evaluate(problem.polyline(), weight).cost

@@ -125,7 +125,7 @@ def test_a_straight_motion_takes_no_longer_than_it_must() -> None:
 
 
 def test_the_smooth_path_stays_within_the_hull_of_the_polyline() -> None:
-    """It is within the limits wherever the waypoints are; on a straight line it is the line, at the same pace."""
+    """The path is within the limits wherever the waypoints are; on a straight line it is the line, as fast."""
     rng = np.random.default_rng(0)
     waypoints = np.clip(rng.normal(size=(12, 3)), -0.5, 0.5)  # many rest on a limit
     found = smooth(waypoints)(np.linspace(0, 1, 1001))
@@ -196,7 +196,7 @@ def test_an_averaged_law_keeps_what_the_law_keeps_and_is_its_average() -> None:
 
 @pytest.mark.parametrize("jerk", [0.5, 5.0, 60.0, 1e4, 1e6])
 def test_any_limit_of_jerk_is_kept(jerk: float) -> None:
-    """It may take much time beside what velocity and acceleration need; rows are few or many."""
+    """The jerk limit may take much more time than velocity and acceleration need; rows are few or many."""
     rng = np.random.default_rng(4)
     for rate in (3.0, 50.0, 400.0 if jerk > 10.0 else 20.0):
         scene, robot = limited(Limits(velocity=2.0, acceleration=15.0, jerk=jerk), Timing(rate=rate))

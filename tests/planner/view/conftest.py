@@ -88,42 +88,6 @@ def browser() -> Iterator[Any]:
     yield from opened_browser()
 
 
-@pytest.fixture(scope="session")
-def watched(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
-    """The viewer of the page that tests share; see `in_browser.plainly`."""
-    from tests.planner.view.in_browser import plainly
-
-    viewer = plainly(scene, ("found", trajectory))
-    yield viewer
-    viewer.close()
-
-
-@pytest.fixture(scope="session")
-def kept(browser: Any, watched: Viewer) -> Iterator[Any]:
-    """The page that tests share: the first pictures of each cost the processor seconds."""
-    from tests.planner.view.in_browser import Tabs
-
-    tabs = Tabs(browser)
-    tabs(watched.address())
-    tabs.blank = browser.new_page()  # hides the page where no test looks at it, as drawing never ends
-    yield tabs
-    tabs.blank.close()
-    tabs.close()
-
-
-@pytest.fixture
-def page(kept: Any, watched: Viewer) -> Iterator[Any]:
-    """It, with the scene as it was at first."""
-    from tests.planner.view.in_browser import calm
-
-    kept.pages[0].bring_to_front()  # a page behind another one's tab draws no pictures, and waits for them for ever
-    watched.panel.editing.ask("reset")
-    calm(watched)
-    yield kept.pages[0]
-    kept.blank.bring_to_front()
-    assert not kept.complaints
-
-
 @pytest.fixture
 def tab(browser: Any) -> Iterator[Any]:
     """Opens pages in it, and fails on any message in their consoles."""

@@ -1,4 +1,4 @@
-"""What browsers and hands do to a viewer, without a browser."""
+"""Acts of browsers and hands on a viewer, without a browser."""
 
 from __future__ import annotations
 

@@ -73,7 +73,6 @@ class Tabs:
         self.browser = browser
         self.complaints: list[str] = []
         self.pages: list[Any] = []
-        self.blank: Any = None
 
     def __call__(self, address: str) -> Any:
         page = self.browser.new_page()
@@ -98,7 +97,7 @@ class Tabs:
 
 
 def picture(page: Any) -> NDArray[np.int64]:
-    """What the page shows of the scene (h, w, 3)."""
+    """Picture of the scene in the page (h, w, 3)."""
     from PIL import Image
 
     shot = page.screenshot(clip={"x": 0, "y": 0, "width": SCENE, "height": SIZE["height"]})

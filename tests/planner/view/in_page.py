@@ -1,4 +1,4 @@
-"""What a page itself knows of its scene, as viser's client keeps it for tests: its camera, its nodes, and how many
+"""A page's own knowledge of its scene, as viser's client keeps it for tests: its camera, its nodes, and how many
 pictures it has drawn.
 
 A full processor draws few pictures, and a page takes what it was sent only as it draws. What a test presses is
@@ -82,7 +82,7 @@ def complete(page: Any, server: Any, looking: Looking) -> None:
 
 
 def seen(page: Any, point: NDArray[np.float64]) -> tuple[float, float]:
-    """Where on the page a point of the scene is seen [px]."""
+    """Place on the page of a point of the scene [px]."""
     x, y, _ = page.evaluate(SEEN, point.tolist())
     return x, y
 

@@ -66,7 +66,7 @@ def served(tab: Tabs) -> Iterator[Served]:
 
 
 def certified_at(viewer: Viewer, goal: np.ndarray) -> bool:
-    """Whether the active motion is certified and ends at a goal (n,)."""
+    """True if the active motion is certified and ends at a goal (n,)."""
     active = viewer.motions.active
     return active is not None and active.motion.certificate.certified and np.array_equal(active.motion.joints[-1], goal)
 

@@ -20,7 +20,7 @@ def placed(rotation: Array, translation: Array) -> Array:
 
 
 def seen_at(view: View, points: Array, aspect: float) -> Array:
-    """Where points are in the picture (k, 2), -1 to 1 from edge to edge."""
+    """Places of points in the picture (k, 2), -1 to 1 from edge to edge."""
     ahead = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
     right = np.cross(ahead, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)

@@ -23,7 +23,7 @@ LOADING = "hdplan: loading the robot's meshes ...\n"  # written where loading ta
 
 
 def without(*missing: str) -> Callable[..., Any]:
-    """What finds libraries, but not these."""
+    """Finder of libraries, except these."""
     found = importlib.util.find_spec
     return lambda name, *rest: None if name in missing else found(name, *rest)
 
@@ -74,7 +74,7 @@ def test_a_page_and_a_film_are_written_without_viser(
 def test_a_film_that_is_interrupted_is_no_film(
     trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hdplan: Command
 ) -> None:
-    """It ends with the exit code of Ctrl-C, not with that of a film that was written, and leaves nothing."""
+    """The command ends with the exit code of Ctrl-C, not with that of a film that was written, and leaves nothing."""
 
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt

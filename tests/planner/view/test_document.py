@@ -56,7 +56,7 @@ def document(scene: Scene, trajectory: Trajectory, hall: Hall) -> Document:
 
 
 def assert_true(document: Document) -> None:
-    """What is known of the motions in the scene as it is now is what the certifier says of them."""
+    """Verdicts on the motions in the scene as it is now are those of the certifier."""
     motions = document.motions
     assert (motions.active is None) == (not motions.shown)
     for shown in motions.shown:

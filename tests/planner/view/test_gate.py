@@ -1,5 +1,5 @@
-"""Who may come in, at the wire: a page of another site, of another name or without the secret gets nothing; who watches
-changes nothing; and no file is held that is too large."""
+"""Admission to the server, at the wire: a page of another site, of another name or without the secret gets nothing; a
+watcher changes nothing; and no file is held that is too large."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def answered(viewer: Viewer, path: str, **headers: str) -> int:
 
 
 def test_the_page_is_not_packed_once_more(viewer: Viewer) -> None:
-    """It is packed already: that took longer than it saved, before every first picture."""
+    """The page is packed already: packing took longer than it saved, before every first picture."""
     connection = http.client.HTTPConnection("127.0.0.1", viewer.port, timeout=PATIENCE)
     connection.request("GET", viewer.gate.paths[False], headers={"Accept-Encoding": "gzip, deflate"})
     answer = connection.getresponse()
@@ -97,7 +97,7 @@ def here(viewer: Viewer) -> str:
 
 
 def renaming(viewer: Viewer, value: str = "mine") -> dict[str, Any]:
-    """What a page sends where somebody renames the first motion."""
+    """Message of a page where somebody renames the first motion."""
     message = json.dumps({"do": "rename", "motion": viewer.motions.shown[0].number, "answer": value})
     return {"type": "GuiUpdateMessage", "uuid": viewer.gate.page_field, "updates": {"value": message}}
 
@@ -236,7 +236,7 @@ def part(content: bytes, index: int = 0, transfer: str = "t") -> dict[str, Any]:
 
 
 def let_in(gate: module.Gate) -> Callable[[dict[str, Any]], bool]:
-    """Whether a connection passes a message."""
+    """True if a connection passes a message."""
     connection = module.Guarded.__new__(module.Guarded)
     connection.gate, connection.watches, connection._files = gate, False, {}
     return lambda message: connection._may_come_in(msgspec.msgpack.encode(message))

@@ -1,4 +1,4 @@
-"""What the panel does to the scene, without a browser: each value that a browser may send is taken or refused in one
+"""Effects of the panel on the scene, without a browser: each value that a browser may send is taken or refused in one
 line, and nothing is half applied."""
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def sent(viewer: Viewer, handle: Any, value: object, wait: bool = True) -> None:
 
 
 def status(viewer: Viewer) -> str:
-    """What the panel says of the last edit."""
+    """The panel's words about the last edit."""
     return html.unescape(re.sub("<[^>]*>", "", viewer.panel.editing.text.content))
 
 
@@ -194,7 +194,7 @@ def test_a_moving_obstacle_gets_another_speed(opened: Opener, scene: Scene) -> N
 
 @pytest.fixture
 def unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What follows belongs together, also where the processor has much else to do."""
+    """The following edits belong together, also on a busy processor."""
     monkeypatch.setattr(edit_steps, "PAUSE", PATIENCE)
 
 

@@ -39,7 +39,7 @@ def way(viewer: Viewer, which: str) -> None:
 
 
 def seen(viewer: Viewer) -> list[Any]:
-    """What is shown of the motions."""
+    """The shown motions."""
     active = viewer.motions.active
     return [
         active and active.motion.name,

@@ -35,7 +35,7 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
 
 
 def in_the_way(viewer: Viewer) -> Pose:
-    """Where the ball stands in the way of the active motion."""
+    """Place of the ball in the way of the active motion."""
     tip = active_of(viewer).motion.tip
     return dataclasses.replace(place_of(viewer.edited, BALL, viewer.stage.tip), position=tuple(tip[len(tip) // 2]))
 

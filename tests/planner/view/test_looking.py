@@ -1,4 +1,4 @@
-"""Where browsers look from, by the server: everything is framed, what hides the robot fades, each side has its view."""
+"""Views of browsers, by the server: everything is framed, what hides the robot fades, each side has its view."""
 
 from __future__ import annotations
 

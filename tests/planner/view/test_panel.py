@@ -1,4 +1,4 @@
-"""What the panel says and holds stays true: refused values leave their fields, words of a file go with what it was
+"""Words and fields of the panel stay true: refused values leave their fields, words of a file go with what it was
 about, new shapes stand on the eye's side, and long names take no room."""
 
 from __future__ import annotations

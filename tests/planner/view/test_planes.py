@@ -26,7 +26,7 @@ PATIENCE = 30.0  # [s]
 
 
 def waited_for(viewer: Viewer, words: str) -> str:
-    """What the layer says once it says `words`."""
+    """The layer's words once these contain `words`."""
 
     def text() -> str:
         return html.unescape(viewer.panel.layers.plane.text.content)

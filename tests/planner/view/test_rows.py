@@ -1,4 +1,4 @@
-"""What the page tells the server, and the list of motions: what is clicked happens, and nonsense changes nothing."""
+"""Messages of the page to the server, and the list of motions: clicks take effect, and nonsense changes nothing."""
 
 from __future__ import annotations
 

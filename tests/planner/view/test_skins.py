@@ -1,4 +1,4 @@
-"""What is drawn is what Pinocchio and the scene say: same places, same sizes, read once."""
+"""The drawing agrees with Pinocchio and the scene: same places, same sizes, read once."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def test_a_link_whose_visual_mesh_cannot_be_read_is_drawn_by_its_collision_geome
 
 
 def _replaced(spec: RobotSpec, robot: Robot, mesh: Path) -> bool:
-    """Whether the tip is drawn by its collision geometry, a sphere; the file is named then."""
+    """True if the tip is drawn by its collision geometry, a sphere; the file is named then."""
     skins, left_out = visual_skins(robot, spec)
     assert {skin.link for skin in skins} == {"base", "tip"}
     if not left_out:

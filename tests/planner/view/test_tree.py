@@ -34,7 +34,7 @@ def ball_of(viewer: Viewer) -> Any:
 
 
 def test_hidden_obstacles_still_count(viewer: Viewer) -> None:
-    """It is not drawn, its line says so, and a motion through it fails as before."""
+    """A hidden obstacle is not drawn, its line says so, and a motion through it fails as before."""
     tell(viewer, do="eye thing", kind="obstacle", name="ball")
     node = next(each for each in viewer.stage.obstacles if each.obstacle.name == "ball")
     assert not node.frame.visible
@@ -52,7 +52,7 @@ def test_hidden_obstacles_still_count(viewer: Viewer) -> None:
 
 
 def test_locked_obstacles_stay(viewer: Viewer) -> None:
-    """It is neither dragged, edited, deleted nor renamed; everything else is."""
+    """A locked obstacle is neither dragged, edited, deleted nor renamed; everything else is."""
     first = ball_of(viewer)
     tell(viewer, do="select thing", kind="obstacle", name="ball")
     assert viewer.panel.handles.selected == BALL

@@ -134,7 +134,7 @@ def test_an_edit_by_another_hand_leaves_the_thing_in_this_one(viewer: Viewer) ->
 
 
 def test_a_handle_that_another_one_replaced_moves_nothing(viewer: Viewer) -> None:
-    """What somebody selects meanwhile does not jump to where the first thing was dragged."""
+    """A new selection does not jump to where the first thing was dragged."""
     handle = viewer.panel.handles.grip.node
     pulled(viewer, handle, (-0.01, 0.0, 0.0))
     by_worker(viewer, lambda: viewer.panel.handles.select(PRISM))

@@ -1,4 +1,4 @@
-"""What the server sends, without a browser: places, closest points, planning, dragging, comparing."""
+"""Messages of the server, without a browser: places, closest points, planning, dragging, comparing."""
 
 from __future__ import annotations
 
@@ -351,7 +351,7 @@ def saved_pair(viewer: Viewer, folder: Path) -> tuple[Scene, Path]:
 
 
 def assert_true(viewer: Viewer, folder: Path) -> str:
-    """What is shown and what is saved is what a certificate says of the saved motion in the saved scene; returns the
+    """Shown and saved verdicts are those of a certificate of the saved motion in the saved scene; returns the
     status that the file says, if it says any."""
     scene, file = saved_pair(viewer, folder)
     certificate = certify(scene, Trajectory.load(file))

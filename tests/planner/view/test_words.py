@@ -1,4 +1,4 @@
-"""What the panel says to do next, and a motion's line in short."""
+"""The panel's advice on the next step, and a motion's line in short."""
 
 from __future__ import annotations
 
