@@ -82,7 +82,7 @@ BAD_SCENES = {
     "state misspelt": ({"start": {"state": "rigth"}}, "start", "'rigth'", "'right'"),
     "joint misspelt": ({"start": {"joints": {"shoulder": 0, "elbw": 0}}}, "start", "'elbw'", "'elbow'"),
     "joint missing": ({"start": {"joints": {"shoulder": 0}}}, "start", "no value for elbow"),
-    "too many joints": ({"goal": {"joints": [0, 0, 0]}}, "goal", "3 joint values", "2 joints: shoulder, elbow"),
+    "too many joints": ({"goal": {"joints": [0, 0, 0]}}, "goal", "3 values", "2 joints: shoulder, elbow"),
     "outside limits": ({"goal": {"joints": [0, 2.7]}}, "goal", "'elbow' is 2.7", "[-2.6, 2.6]"),
     "start in collision": ({"obstacles": ball("[0.35, -0.35, 0.1]")}, "start: in collision: upper_arm and thing", "mm"),
     "goal in collision": ({"obstacles": ball("[0.35, 0.5, 0.1]")}, "goal: in collision: ", "thing overlap by "),

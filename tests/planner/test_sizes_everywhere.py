@@ -144,7 +144,7 @@ WRONG = [
     ("obstacles", {"size": 0.1}, "obstacles[0].uncertainty: unknown key 'size'"),
     ("obstacles", 0.01, "obstacles[0].uncertainty: must be a mapping"),
     ("tracking", {"position": [0.1, -0.1]}, "robot.tracking.position[1]: must be a finite number 0 to 1 [rad or m]"),
-    ("tracking", {"position": "small"}, "robot.tracking.position: must be a finite number 0 to 1 [rad or m]"),
+    ("tracking", {"position": "small"}, "from joint names to numbers, 0 to 1 [rad or m], found the text 'small'"),
     ("tracking", {"position": {"a": -1}}, "robot.tracking.position.a: must be a finite number 0 to 1 [rad or m]"),
     ("tracking", {"velocity": 0.1}, "robot.tracking.velocity: only matters for a motion with times"),
     ("tracking", {"lag": 0.1}, "robot.tracking: unknown key 'lag'"),
