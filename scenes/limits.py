@@ -52,9 +52,11 @@ class JointQuantity:
 
     def __call__(self, value: object) -> Any:
         """Return a float, a tuple, a dictionary, or "urdf"; None as it is."""
-        if value is None or (self.in_urdf and isinstance(value, str) and value == "urdf"):
-            return value
+        if value is None:
+            return None
         if isinstance(value, str) and value == "urdf":
+            if self.in_urdf:
+                return "urdf"
             raise FieldError(f"a URDF holds no {self.name} limits: give numbers [{self.unit}]", value=value)
         return self.numbers(value)
 

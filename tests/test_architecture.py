@@ -168,6 +168,17 @@ def test_import_and_help_load_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
+def test_missing_loops_warn_once_and_not_at_import() -> None:
+    code = (
+        "import sys, warnings; sys.modules['hdplan._loops'] = None; warnings.simplefilter('always');"
+        "words = []; warnings.showwarning = lambda word, *_: words.append(str(word));"
+        "from hdplan.distance.compiled.loops import Record; before = len(words);"
+        "Record('tree'); Record('tree'); print(before, len(words), 'without its C loops' in words[0])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "0 1 True"
+
+
 def test_a_plan_with_a_known_arm_loads_only_what_it_needs() -> None:
     """Hulls, graphs, optimizers, splines, readers of mesh formats and checkers of types cost a start more than planning
     does; what they found of a robot is kept."""

@@ -142,10 +142,10 @@ def test_a_motion_of_no_length(hdplan: Command, tmp_path: Path) -> None:
     assert hdplan("plan", arm_scene(tmp_path, goal={"state": "right"})).code == 0
 
 
-def test_a_robot_without_collision_geometry_says_so(hdplan: Command, tmp_path: Path) -> None:
+def test_a_robot_without_collision_geometry_says_so_and_is_drawn(hdplan: Command, tmp_path: Path) -> None:
     scene = arm_scene(tmp_path, robot={"name": "TwoDofs"}, start={"joints": [0, 0]}, goal={"joints": [1, 1]})
-    done = hdplan("plan", scene)
-    assert done.code == 0
+    done = hdplan("plan", scene, "-o", "m.json", "--plot", "m.png", "--proof", "m.proof")
+    assert (done.code, hdplan("view", scene, "m.json", "--record", "m.html").code) == (0, 0)
     assert "no link of TwoDofs has collision geometry" in done.out
     assert "no link has collision geometry" in hdplan("explain", scene).out
 

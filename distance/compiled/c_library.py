@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.compiled.cache import cache_dir, content_key, trusted, write_whole
 from hdplan.distance.compiled.compile_time import compiling
-from hdplan.distance.compiled.loops import C
+from hdplan.distance.compiled.loops import C, warn_without_loops
 from hdplan.scenes.deadline import check_time, most_seconds
 
 Library = TypeVar("Library")
@@ -102,7 +102,8 @@ def compiler() -> tuple[str, ...] | None:
 
 @functools.cache
 def _warn_once() -> None:
-    if C is None:  # which says more
+    if C is None:
+        warn_without_loops()  # which says more
         return
     warnings.warn(
         "no C compiler found (cc, gcc, clang or `pip install ziglang`): functions that CasADi generates are "

@@ -23,20 +23,23 @@ T = TypeVar("T")
 P = ParamSpec("P")
 R = TypeVar("R")
 
+C: Any = None  # the functions of C; None where there are none
+_missing: ImportError | None = None
+try:
+    C = importlib.import_module("hdplan._loops")
+except ImportError as error:
+    _missing = error
 
-def _built() -> Any:
-    try:
-        return importlib.import_module("hdplan._loops")
-    except ImportError as error:
+
+@functools.cache
+def warn_without_loops() -> None:
+    """Warn, once in a process, where there are no loops: not at import, so that bad input remains one line."""
+    if _missing is not None:
         warnings.warn(
             f"hdplan runs without its C loops, with the same results, but plans take 10 to 30 times as long "
-            f"({error}): install a wheel, or install from source where there is a C compiler",
-            stacklevel=2,
+            f"({_missing}): install a wheel, or install from source where there is a C compiler",
+            stacklevel=3,
         )
-        return None
-
-
-C = _built()  # the functions of C; None where there are none
 
 
 def twin_of(
@@ -59,6 +62,7 @@ class Record:
 
     def __init__(self, kind: str, *fields: float | NDArray[Any] | Record | tuple[Record, ...] | None) -> None:
         """Take the fields in the order of the function `kind`, which makes the struct."""
+        warn_without_loops()
         kept = (read_only(np.ascontiguousarray(x)) if isinstance(x, np.ndarray) else x for x in fields)
         self.kind, self.fields = kind, tuple(kept)
 

@@ -12,6 +12,7 @@ from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hdplan.distance.compiled.loops import warn_without_loops
 from hdplan.planner.batch.cluster_file import ClusterFile
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.local_cluster import SETTINGS
@@ -89,6 +90,7 @@ def _silence() -> None:
 @contextlib.contextmanager
 def _local(workers: int) -> Iterator[str]:
     """Yield the address of a scheduler on this machine, with workers."""
+    warn_without_loops()  # here, as nobody reads what the workers write
     command = [sys.executable, "-P", str(Path(__file__).with_name("local_cluster.py")), str(workers)]
     within = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}  # it finds what we found
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}

@@ -112,7 +112,7 @@ def planned(
                     )
                 )
     except HdplanError as error:
-        if not diagnosed or problem is None:
+        if not diagnosed or problem is None or problem.job is not None:
             raise
         kind = TimeLimitError if isinstance(error, TimeLimitError) else InputError
         raise kind(f"{error}; what helps: {_diagnosis(problem, error, options).advice}") from None

@@ -37,6 +37,7 @@ TILE = 0.1  # of the view's size: longest edge of a painted polygon, for sorting
 NAME = read_only(np.array([28.0, 11.0]))  # [pt] size of "start" and "goal"
 EDGE_COSINE = np.cos(np.radians(35.0))  # faces that meet at a wider angle have a line between them
 SURROUNDINGS_SHARE = 0.3  # share of the robot's own extent that is shown around it
+LEAST = 1e-3  # [m] from the middle of a window to its edge: a robot without geometry can be a point
 # [m] by which the start is painted nearer: links that only rotate are in the same place at the goal
 START_OFFSET = 0.03
 LINE = 0.4  # [pt] width of outlines
@@ -124,13 +125,14 @@ class Picture:
             solids += [(body.placed(pose[joint]), paint) for joint, body in links if joint]
         solids += [(body, Paint(FIXED, 1.0)) for joint, body in links if not joint]
         planned = {0, *(robot.coordinates + 1).tolist()}  # what follows may hang beside the arm
-        outermost = max((joint for joint, _ in links if joint in planned), default=0)
-        last = next(body for joint, body in reversed(links) if joint == outermost)
-        farthest = last.vertices[np.linalg.norm(last.vertices, axis=1).argmax()]
+        outermost = max((joint for joint, _ in links if joint in planned), default=max(planned))
+        last = next((body.vertices for joint, body in reversed(links) if joint == outermost), np.zeros((1, 3)))
+        farthest = last[np.linalg.norm(last, axis=1).argmax()]
         along = _poses(robot, trajectory, np.linspace(0.0, 1.0, TIP_STEPS + 1))[:, outermost]
         tip = along[:, :3, :3] @ farthest + along[:, :3, 3]
         posed = [body.vertices for body, _ in solids[len(obstacles) :]]
-        name = next(link for link in reversed(robot.links) if robot.link_joint[link] == outermost)
+        ends = (link for link in reversed(robot.links) if robot.link_joint[link] == outermost)
+        name = next(ends, robot.model.names[outermost])  # without any geometry, the path is that of the joint
         others = tuple(body.vertices for body, _ in obstacles)
         return cls(tuple(solids), bool(drifting), name, np.concatenate([*posed, tip]), others, tip)
 
@@ -167,8 +169,9 @@ def draw_scene(axis: Any, picture: Picture, azimuth: float, elevation: float) ->
     box = axis.get_position().bounds[2:] * axis.figure.get_size_inches()
     low, high = _window(picture, view, box[0] / box[1])
     size = float((high - low).max())
+    nothing = np.empty((0, 3, 3)), np.empty((0, 4)), np.empty((0, 4))
     parts = [part for body, paint in picture.solids for part in _painted(body, paint, view, TILE * size)]
-    polygons, faces, edges = (np.concatenate(column) for column in zip(*parts, strict=True))
+    polygons, faces, edges = (np.concatenate(column) for column in zip(nothing, *parts, strict=True))
     order = np.argsort(polygons[:, :, 2].mean(axis=1))
     flat: Any = polygons[order, :, :2]
     painted = PolyCollection(
@@ -295,7 +298,7 @@ def _window(picture: Picture, view: Array, aspect: float) -> tuple[Array, Array]
     seen = np.concatenate([robot, *(points @ view[:2].T for points in picture.obstacle_points)])
     seen = np.clip(seen, low - margin, high + margin)
     low, high = seen.min(axis=0), seen.max(axis=0)
-    half = 0.54 * (high - low)
+    half = np.maximum(0.54 * (high - low), LEAST)
     half = np.maximum(half, [half[1] * aspect, half[0] / aspect])
     return 0.5 * (low + high) - half, 0.5 * (low + high) + half
 

@@ -39,7 +39,7 @@ class Spans:
 
     def __init__(self, world: World, shapes: list[Any]) -> None:
         """Take the pieces, and coal's `shapes` of them."""
-        self.world, joints = world, np.array([each.joint for each in world.pieces])
+        self.world, joints = world, np.array([each.joint for each in world.pieces], dtype=np.int64)
         self.axes = world.axis.mid
         chain = Chain(None, self.axes.copy(), world.turning.copy(), np.roll(world.carried, 1, axis=0))
         bodies = [_body(piece, shape) for piece, shape in zip(world.pieces, shapes, strict=True)]

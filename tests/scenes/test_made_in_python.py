@@ -246,6 +246,7 @@ def test_harmless_forms_become_those_of_the_reader() -> None:
     assert Upright("hand", "-z") == Upright("hand", [0, 0, -2])
     assert Mesh("part.stl", 2) == Mesh(Path("part.stl"), (2.0, 2.0, 2.0))
     assert PlannerSettings(waypoints=np.int64(40)).waypoints == 40
+    assert type(Limits(velocity=np.str_("urdf")).velocity) is str
     locked: dict[str, float] = {"finger": 1}
     spec = RobotSpec(name="panda", locked=locked, ignore_pairs=[["a", "b"]])
     locked["finger"] = NAN

@@ -32,7 +32,7 @@ class Outline:
         places = self._data.oMi
         return np.array(
             [corners @ places[joint].rotation.T + places[joint].translation for joint, corners in self._boxes]
-        )
+        ).reshape(-1, 8, 3)
 
     def middles(self, q: Array) -> Array:
         """Return the middles (m, 3) of those that move."""

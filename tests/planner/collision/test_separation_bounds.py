@@ -35,7 +35,7 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
-from tests.loops import in_numpy
+from tests.loops import in_numpy, needs_loops
 
 from ..urdf import joint_text, link_text, write_robot
 
@@ -168,6 +168,7 @@ def by_loop(model: CollisionModel, moves: Array, pair: int, low: Array, high: Ar
     return C.separation(tree.struct, *hulls, radii, moves, low, high, -np.inf, 0.9, 1)[0]
 
 
+@needs_loops
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize("seed", range(40))
 def test_the_loop_finds_the_distance_of_bodies_that_stand(seed: int) -> None:
@@ -187,6 +188,7 @@ def test_the_loop_finds_the_distance_of_bodies_that_stand(seed: int) -> None:
             assert found >= exact - EXACT
 
 
+@needs_loops
 @pytest.mark.parametrize("name", ["panda", "ur5", "kinova", "two arms", "gantry"])
 def test_a_box_keeps_its_stated_bounds(name: str, folder: Path) -> None:
     """The inequality of the module's head, at random places and corners of random boxes, of any pair at all."""
@@ -258,7 +260,7 @@ def test_arms_that_turn_about_other_axes_have_other_entries(tmp_path: Path) -> N
     assert one != other
 
 
-@pytest.mark.parametrize("way", ["compiled", "interpreted"])
+@pytest.mark.parametrize("way", [pytest.param("compiled", marks=needs_loops), "interpreted"])
 def test_all_pairs_together_stay_within_the_budget(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot with both hands has thousands of pairs: each has its share, and what is proven with less still holds."""
     arm, looked = robot("kinova"), list[int]()

@@ -162,6 +162,7 @@ def test_damaged_files_are_refused_or_read_but_never_raise_anything_else(
         ("scan.xyz", b"\xff\xfe\x00", "cannot be read"),
         ("scan.npz", npz(POINTS)[:100], "cannot be read"),
         ("scan.npy", npy(POINTS[:, :2]), "holds an array of shape .200, 2."),
+        ("scan.npy", b"nothing", r"is not that of a \.npy file \(This file contains pickled .object. data\)$"),
     ],
 )
 def test_refused_in_one_clear_line(tmp_path: Path, name: str, data: bytes, words: str) -> None:

@@ -111,9 +111,10 @@ def test_radius_is_added_and_files_are_read_alike(tmp_path: Path) -> None:
     for name in ("view.npz", "view.npy", "view.png"):
         assert balls_in(read_cloud(Cloud(DepthImage(tmp_path / name, CAMERA)), "")) == expected
     data = (tmp_path / "view.png").read_bytes()
-    for cut in (0, 10, len(data) // 2, len(data) - 13):
-        (tmp_path / "cut.png").write_bytes(data[:cut])
-        with pytest.raises(InputError, match=r"obstacles.view.depth: .*cut.png: cannot be read"):
+    cuts = [(data[:cut], "it is cut short") for cut in (0, 10, len(data) // 2, len(data) - 13)]
+    for damaged, words in (*cuts, (data[1:], r"its content is .* \(cannot identify image file\)$")):  # no addresses
+        (tmp_path / "cut.png").write_bytes(damaged)
+        with pytest.raises(InputError, match=f"obstacles.view.depth: .*cut.png: cannot be read, {words}"):
             balls_in(read_cloud(Cloud(DepthImage(tmp_path / "cut.png", CAMERA)), "obstacles.view"))
     pillow.new("RGB", (4, 4)).save(tmp_path / "color.png")
     with pytest.raises(InputError, match="picture of mode RGB; a depth image has one channel"):

@@ -21,6 +21,12 @@ from hdplan.scenes.yaml_format.reader import load_scene
 from tests.planner.view.events import Opener
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests of pages come first: one process has them all, and opens one browser; what is left at its end, others
+    take."""
+    items.sort(key=lambda item: "browser" not in getattr(item, "fixturenames", ()))
+
+
 @pytest.fixture(scope="session")
 def scene() -> Scene:
     return load_scene("planar_arm")

@@ -294,11 +294,13 @@ NARROW = {"width": 420, "height": 640}
 
 
 @pytest.fixture
-def touched(page: Any) -> Iterator[Any]:
+def touched(page: Any, viewer: Viewer) -> Iterator[Any]:
     """The page that tests share, on a screen that is touched."""
     touch = page.context.new_cdp_session(page)
     touch.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
+    viewer.panel.live.set(False)  # the mouse's test holds what follows a drag
     yield page
+    viewer.panel.live.set(True)
     touch.send("Emulation.setTouchEmulationEnabled", {"enabled": False})
     page.set_viewport_size(SIZE)
 

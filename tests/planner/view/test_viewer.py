@@ -402,6 +402,7 @@ def test_verdicts_stay_true_in_any_order_of_drags_plans_and_saves(
     moving = dataclasses.replace(drifting, obstacles=drifting.obstacles[1:])
     for scene, limit in ((still, 4), (moving, 2)):
         viewer = opened(scene, found=timed)
+        viewer.panel.settings.time_limit.value = 0.5  # a plan that fails has a verdict, too
         planned(viewer)
         handles = viewer.panel.handles
         choices = [str(GOAL), *(f"obstacle {obstacle.name}" for obstacle in scene.obstacles)]

@@ -11,6 +11,7 @@ import pytest
 
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.view import watch as watch_module
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.planner.view.watch import Seen, Source, Watch, seen, seen_meshes
@@ -38,7 +39,10 @@ def files(scene: Scene, trajectory: Trajectory, tmp_path: Path) -> tuple[Path, P
 
 
 @pytest.fixture
-def viewer(opened: Opener, files: tuple[Path, Path], trajectory: Trajectory) -> Iterator[Viewer]:
+def viewer(
+    opened: Opener, files: tuple[Path, Path], trajectory: Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Viewer]:
+    monkeypatch.setattr(watch_module, "EVERY", 0.05)
     found = opened(load_scene(files[0]), motion=trajectory)
     watch: Watch = found.panel.opening.follow(
         lambda: load_scene(files[0]), seen([files[0]]), seen_meshes(found.scene), {"motion": seen([files[1]])}
