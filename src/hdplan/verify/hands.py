@@ -42,11 +42,11 @@ class Hands:
         """Take what there is at first."""
         top, joints = reader.top, reader.joints
         need(not isinstance(joints, OtherRobot), "job: can be checked with a robot in URDF alone")
-        refused = {*top} & {"path", "from_request", "goal"}
+        refused = {*top} & {"path", "from_request"}
         refused |= {"timing.duration"} & {f"timing.{x}" for x in top.get("timing", {})}
         refused |= {f"robot.{x}" for x in ("calibration", "tracking") if joints.spec.get(x) is not None}
         refused |= {"self_collision"} if top.get("self_collision") is False else set()
-        need(not refused, f"{', '.join(refused)}: with a job")
+        need(not refused, f"{', '.join(sorted(refused))}: with a job")
         self.reader, self.spec = reader, joints.spec
         start = Targets(joints, False).target(top["start"], "start")
         need("velocity" not in start, "start.velocity: with a job, whose stages begin at rest")

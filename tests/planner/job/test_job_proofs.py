@@ -249,6 +249,7 @@ def test_fields_that_no_job_has_are_refused_by_name(files: tuple[Path, Path, byt
         ('"by": ', '"spin": 1, "by": ', "does not know 'spin' there"),
         (start, f'{start}, "velocity": {{"panda_joint1": 0.1}}', "start.velocity"),  # a job begins at rest,
         (wait, at_rest, "move.velocity"),  # and ends so
+        ("job:", "self_collision: false\npath: {}\nfrom_request: true\njob:", "from_request, path, self_collision"),
     ):
         assert old in written
         other = tmp_path / "other.yaml"
