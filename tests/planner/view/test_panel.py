@@ -3,6 +3,7 @@ about, new shapes stand on the eye's side, and long names take no room."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,6 +16,7 @@ from hdplan.planner.view import scene_edits
 from hdplan.planner.view.drawing.colors import clearance_colors
 from hdplan.planner.view.drawing.motion import Tip, millimetres, shortened
 from hdplan.planner.view.drawing.nodes import SEGMENT_WIDTH, TIGHT
+from hdplan.planner.view.edit_steps import LINGERS
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.page_script import NARROWEST
 from hdplan.planner.view.things import START, Thing, place_of
@@ -24,7 +26,6 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.planner.view.events import BALL, Opener, by_worker, field_of, tell, typed
-from tests.waiting import until
 
 
 @pytest.fixture
@@ -34,15 +35,20 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
     return viewer
 
 
-def test_refused_values_leave_their_fields(viewer: Viewer) -> None:
+def test_refused_values_leave_their_fields(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not at once, as somebody may still be typing."""
+    waiting: list[tuple[str, float, Callable[[], None]]] = []
+    monkeypatch.setattr(viewer.panel.editing, "_later", lambda *timer: waiting.append(timer))
     fields = viewer.panel.obstacles._fields
     values: dict[str, object] = {"clearance": "a lot", "name": "prism", "radius": -1.0}
     before = {name: field_of(fields, name).value for name in values}
     for name, value in values.items():
         assert typed(viewer, fields, name, value).value == value
         assert "not done: " in viewer.panel.editing.text.content
-    until(lambda: all(field_of(fields, name).value == before[name] for name in values), "the earlier values come back")
+    what, when, bring_back = waiting[-1]
+    assert (what, when) == ("values", LINGERS)
+    by_worker(viewer, bring_back)
+    assert {name: field_of(fields, name).value for name in values} == before
     assert "not done: " in viewer.panel.editing.text.content
 
 

@@ -7,7 +7,6 @@ import html
 import json
 import math
 import socket
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,10 +18,12 @@ from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
+from hdplan.planner.view import player as player_module
 from hdplan.planner.view.drawing.handle import pose_of
 from hdplan.planner.view.drawing.motion import as_pose
 from hdplan.planner.view.drawing.nodes import RobotNodes
 from hdplan.planner.view.drawing.skins import ENDLESS, INSET, smaller
+from hdplan.planner.view.drawing.timeline import PATH_DURATION
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
@@ -75,12 +76,34 @@ def test_the_segment_is_as_long_as_the_stated_clearance(viewer: Viewer) -> None:
     assert f"{to_obstacle.distance * 1e3:.1f} mm" in viewer.stage.closest.label.text
 
 
-def test_playing_comes_to_the_end_and_stops(viewer: Viewer) -> None:
-    viewer.panel.player.speed.value = "4"
+class Clock:
+    """A clock that stands still except in sleep."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def perf_counter(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+def seconds_played(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> float:
+    """Play to the end; the time that passed by the player's clock [s]."""
+    monkeypatch.setattr(player_module, "time", clock := Clock())
     viewer.panel.player.play()
     until(lambda: not viewer.panel.player.playing, "the end")
-    assert viewer.panel.player.time == 1.0
+    assert viewer.panel.player.time == viewer.panel.player.timeline.end
     assert viewer.panel.player.button.label == "Play"
+    return clock.now
+
+
+@pytest.mark.parametrize("speed", ["0.5", "4"])
+def test_a_path_plays_to_its_end_and_stops(viewer: Viewer, speed: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    viewer.panel.player.speed.value = speed
+    wanted = PATH_DURATION / float(speed)
+    assert seconds_played(viewer, monkeypatch) == pytest.approx(wanted, abs=player_module.FRAME)
 
 
 # --- motions in time --------------------------------------------------------------------------------------------------
@@ -137,13 +160,11 @@ def test_a_moving_obstacle_is_dragged_at_time_0_and_moves_on_from_there(
     assert viewer.scene.obstacles[index].motion == drifting.obstacles[index].motion
 
 
-def test_a_motion_plays_in_real_time(opened: Opener, drifting: Scene, timed: Trajectory) -> None:
+def test_a_motion_plays_in_real_time(
+    opened: Opener, drifting: Scene, timed: Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
     viewer = opened(drifting, timed=timed)
-    began = time.monotonic()
-    viewer.panel.player.play()
-    until(lambda: not viewer.panel.player.playing, "the end")
-    assert viewer.panel.player.time == 1.5
-    assert 1.4 < time.monotonic() - began < 3.0  # later where the machine has other things to do
+    assert seconds_played(viewer, monkeypatch) == pytest.approx(1.5, abs=player_module.FRAME)
 
 
 def test_motions_of_different_durations_share_the_seconds(
