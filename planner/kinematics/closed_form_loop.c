@@ -8,7 +8,7 @@
 #include "../../distance/compiled/cholesky.h"
 #include "arm_kinds.h"
 
-enum { MOST_BRANCHES = 16 }; /* configurations */
+enum { MOST_CONFIGURATIONS = 16 }; /* configurations */
 
 static const double POSE_ERROR = 1e-10; /* [m] and [rad] by which a configuration may miss the pose */
 static const double SAME_BRANCH = 1e-6; /* [rad] between two configurations that are one */
@@ -136,7 +136,7 @@ static double within(double value, int turns, double seed, double lower, double 
 
 /* Add a configuration, if there is none like it and room is left. Returns how many there are then. */
 static int add_root(const double* q, double (*roots)[SIX], int count) {
-  if (count == MOST_BRANCHES) return count;
+  if (count == MOST_CONFIGURATIONS) return count;
   for (int i = 0; i < count; ++i) {
     double most = 0.0;
     for (int j = 0; j < SIX; ++j) most = fmax(most, apart(q[j], roots[i][j]));
@@ -146,7 +146,7 @@ static int add_root(const double* q, double (*roots)[SIX], int count) {
   return count + 1;
 }
 
-/* Configurations (MOST_BRANCHES, n), in number returned, with what is held at `values`. */
+/* Configurations (MOST_CONFIGURATIONS, n), in number returned, with what is held at `values`. */
 static int branches(const chain* arm, const double* wanted, const double* values, const double* seed, double* found) {
   axis axes[SIX], seen[SIX];
   double at[12], next[12], tip[12], back[12], goal[12], inverse[12], other[SIX], angles[TRIED][SIX];
@@ -192,7 +192,7 @@ static int branches(const chain* arm, const double* wanted, const double* values
   else
     count = by_search(seen, target, turned_seed, angles);
   const int steps = arm->kind == MEETING ? 20 : 8;
-  double roots[MOST_BRANCHES][SIX], q[SIX], way[SIX];
+  double roots[MOST_CONFIGURATIONS][SIX], q[SIX], way[SIX];
   int rooted = 0;
   for (int k = 0; k < count; ++k) {
     int inside = 1;
@@ -257,7 +257,7 @@ WRAPPER(call_branches) {
   const long long rows = taken.shape[0];
   if (rows > 1LL << 24) wrong(&taken, "held", "fewer rows");
   const double* seed = numbers(&taken, "seed", SHAPE(n));
-  double* found = written(&taken, "found", SHAPE(MOST_BRANCHES * rows, n));
+  double* found = written(&taken, "found", SHAPE(MOST_CONFIGURATIONS * rows, n));
   long long* counts = written_indices(&taken, "counts", SHAPE(rows));
   if (ready(&taken)) {
     Py_BEGIN_ALLOW_THREADS;
