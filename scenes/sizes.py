@@ -21,8 +21,8 @@ AnyJointSizes = float | Numbers | Mapping[str, float]
 
 def joint_sizes(unit: str, most: float = math.inf) -> PerJoint:
     """Return the check of a size of every joint, at least 0."""
-    allowed = "at least 0" if math.isinf(most) else f"0 to {most:g}"
-    return PerJoint(Number(0.0, most, unit=unit), f"{FORMS}, {allowed} [{unit}]")
+    size = Number(0.0, most, unit=unit)
+    return PerJoint(size, f"{FORMS}, {size.range}")
 
 
 class Sized(Checked):

@@ -73,13 +73,18 @@ class Number:
         return number
 
     @property
-    def _allowed(self) -> str:
+    def range(self) -> str:
+        """The bounds and the unit, in words."""
         bounds = [f"greater than {self.above:g}"] * math.isfinite(self.above)
         if math.isfinite(self.low):
             bounds.append(f"{self.low:g} to {self.high:g}" if math.isfinite(self.high) else f"at least {self.low:g}")
         elif math.isfinite(self.high):
             bounds.append(f"{'and ' * bool(bounds)}at most {self.high:g}")
-        return " ".join(["a finite number", *bounds, *([f"[{self.unit}]"] if self.unit else [])])
+        return " ".join([*bounds, *([f"[{self.unit}]"] if self.unit else [])])
+
+    @property
+    def _allowed(self) -> str:
+        return f"a finite number {self.range}".rstrip()
 
 
 JointValue = Number(unit="rad or m")
